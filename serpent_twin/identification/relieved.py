@@ -56,6 +56,8 @@ def relieved(
     for name, each in tried.items():
         fitted, errors = each.fit, each.errors
         instead = bool(fitted and errors and relieves(case, base, fitted))
+        if fitted and instead:  # else the fit has only found another strain
+            instead = float(_squares(case, fitted.point).sum()) <= _DECISIVE
         if fitted and errors and instead and gain(after, errors).relative > -HARDLY:
             found = trials.judged(case, each.score, begun, fitted, before, len(tried))
             out[name] = replace(found, opened=True)

@@ -24,7 +24,7 @@ from serpent_twin.identification.free_parameters import UnstableStartError, free
 from serpent_twin.identification.gained import gained, happens_once
 from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.laws_to_fit import laws_to_fit, sensor_of
-from serpent_twin.identification.least_squares import OnProgress, fit
+from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
 from serpent_twin.identification.score_test import (
@@ -178,13 +178,14 @@ class Trials:
     ) -> tuple[Case[Any], Fit]:
         """A fit gone on with until its weights settle, with its case; `once` is enough to compare it.
 
-        The first new weights are rough, and need no new derivative.
+        The first new weights are rough, and where a derivative is dear they get none.
         """
+        rough = not once and not derives_cheaply(case)
         for n in range(1 if once else _REWEIGHTED):
             settled = case.weighed_by(begun.residual, case.take(self.training, begun.used))
-            if n and settled.weighs_like(case):
+            if n > rough and settled.weighs_like(case):
                 break
-            derivatives = _MORE if n or once else 0
+            derivatives = 0 if rough and n == 0 else _MORE
             begun = self.further(settled, begun, f"{stage}_again_{n}", derivatives)
             case = settled
         return case, begun
