@@ -69,13 +69,12 @@ def _module(words: tuple[str, ...]) -> str:
 def _unknown(words: tuple[str, ...]) -> str:
     """An error that names the commands nearest to words that name none."""
     there, first = list(verbs()), words[0]
-    near = [name for name in there if name.startswith(f"{first}.")]
-    near = near or difflib.get_close_matches(first, there, n=1, cutoff=0.6)
+    inside = [name for name in there if name.startswith(f"{first}.")]
+    near = inside or difflib.get_close_matches(first, there, n=1, cutoff=0.6)
     if not near:
         return f"there is no command {first!r}; `{program.package()}` lists them."
     calls = " or ".join(f"{program.package()} {each.replace('.', ' ')}" for each in near)
-    typed = words[:2] if f"{first}.{words[-1]}" in near or len(near) > 1 else words[:1]
-    return f"there is no command {shlex.join(typed)!r}. Try {calls}"
+    return f"there is no command {shlex.join(words[: 2 if inside else 1])!r}. Try {calls}"
 
 
 def start() -> None:

@@ -19,8 +19,8 @@ the twin does not share. Its fault, that fault's strength and place, and all oth
 session of each arm judged its trace. Lines of all arms, those whose trace failed included, are in
 `how-often-right.csv` beside this page; only those of one version of the project are counted together. Arms as
 built are those whose links, axes and cameras are off as well; those of all other arms are exactly as drawn.
-Lines of earlier traces stay as they were, also where the program is better now: the last column shows best
-how good it is. In brackets, 95 % intervals."""
+The lines of earlier traces are kept as they were, and later versions do better. The last column shows best
+how good the program is now. In brackets, 95 % intervals."""
 _LIMITS = """Every trace states, for each effect, the strength from which on it would be accepted: the
 detection limit, computed from that arm's own logs before any search. The table has its median, the effect
 present or not. Limits and what is counted in them are of arms since limits are what a fit cannot take up;

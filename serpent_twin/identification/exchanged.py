@@ -129,9 +129,9 @@ def _together(
             weighed, trials.training, point, free, 2, 1, trials.on_progress, found, afresh=True
         ),
     )
-    return (
-        (weighed, None) if fitted is None else trials.reweighted(weighed, fitted, stage, once=True)
-    )
+    if fitted is None:
+        return weighed, None
+    return trials.reweighted(weighed, fitted, stage, once=True)
 
 
 def _sound(case: Case[Any], fitted: Fit) -> bool:

@@ -53,9 +53,13 @@ def variance_inflation(residual: Array, channels: int) -> float:
 
 def cost_at(case: Case[Any], point: ParameterVector, residual: Array, inflation: float) -> float:
     """Cost of a parameter vector whose declared coordinates are all free, from its residual."""
-    priors = np.array([each.prior for each in case.declared])
     squares = float((residual.astype(float) ** 2).sum()) / inflation
-    return squares + float(((point.declared / priors) ** 2).sum())
+    return squares + float(prior_squares(case, point).sum())
+
+
+def prior_squares(case: Case[Any], point: ParameterVector) -> Array:
+    """Squares of how far each declared number is off, in widths of its prior, (P,)."""
+    return (point.declared / np.array([each.prior for each in case.declared])) ** 2
 
 
 @dataclass(frozen=True)

@@ -10,20 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.arrays import Array
 from serpent_twin.identification.absorbed import without_move
 from serpent_twin.identification.acceptance import HARDLY, CandidateTrial, Round, best_trial
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import gain
+from serpent_twin.identification.objective import prior_squares
+from serpent_twin.identification.rivals import along_one_line
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
+from serpent_twin.identification.widened import DECISIVE
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import ParameterVector
 
-_DECISIVE = 6.0
-"""Least decrease of the priors' squares, as twice the logarithm of a Bayes factor: strong evidence (Kass and
-Raftery, JASA 90, 1995); of one number, two and a half widths
-"""
 _ALIKE, _TRIED = 0.9, 3
 """Least cosine of what an effect and a number change of the residual, for one to stand for the other, and
 most such effects
@@ -34,12 +31,12 @@ def strained(case: Case[Any], base: Fit, scores: Sequence[Score]) -> tuple[str, 
     """The number that a fit moved furthest, and the effects that it may stand for, by their scores on top of
     that fit; nothing where numbers are as they may be built.
     """
-    squares = _squares(case, base.point)
-    if squares.sum() <= _DECISIVE:
+    squares = prior_squares(case, base.point)
+    if squares.sum() <= DECISIVE:
         return "", []
     furthest = int(np.argmax(squares))
     ours = base.jacobian[base.free.declared.index(furthest)].ravel().astype(float)
-    alike = {each.name: _cosine(ours, each.change.astype(float)) for each in scores}
+    alike = {each.name: along_one_line(ours, each.change.astype(float)) for each in scores}
     best = sorted(alike, key=lambda name: -alike[name])[:_TRIED]
     return case.declared[furthest].name, [name for name in best if alike[name] > _ALIKE]
 
@@ -52,31 +49,21 @@ def relieved(
     """
     begun, _ = without_move(case, trials.training, base, number)
     before, after = (trials.errors(case, each.point) for each in (begun, base))
-    out = dict(tried)
+    out = {name: replace(each, gain=None) for name, each in tried.items()}
     for name, each in tried.items():
         fitted, errors = each.fit, each.errors
-        instead = bool(fitted and errors and relieves(case, base, fitted))
-        if fitted and instead:  # else the fit has only found another strain
-            instead = float(_squares(case, fitted.point).sum()) <= _DECISIVE
-        if fitted and errors and instead and gain(after, errors).relative > -HARDLY:
+        if fitted is None or errors is None or gain(after, errors).relative <= -HARDLY:
+            continue
+        strains = float(prior_squares(case, fitted.point).sum()) > DECISIVE
+        if relieves(case, base, fitted) and not strains:
             found = trials.judged(case, each.score, begun, fitted, before, len(tried))
             out[name] = replace(found, opened=True)
-        else:
-            out[name] = replace(each, gain=None)
     best = best_trial(out, case.candidates)
     return Round(begun, before, out, (best,)) if best else None
 
 
 def relieves(case: Case[Any], less: Fit, more: Fit) -> bool:
     """Whether numbers of the model are decisively nearer to what was built in a fit with more effects."""
-    return float((_squares(case, less.point) - _squares(case, more.point)).sum()) > _DECISIVE
-
-
-def _cosine(one: Array, other: Array) -> float:
-    length = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return abs(float(one @ other)) / length if length > 0 else 0.0
-
-
-def _squares(case: Case[Any], point: ParameterVector) -> Array:
-    """Squares of how far each number is off, in widths of its prior, (P,)."""
-    return (point.declared / np.array([each.prior for each in case.declared])) ** 2
+    return (
+        float((prior_squares(case, less.point) - prior_squares(case, more.point)).sum()) > DECISIVE
+    )

@@ -28,7 +28,7 @@ _AWAY = 3.0
 """Least logarithm to which a number may go that can be as good as absent: a twentieth"""
 _WIDE = 0.5
 """Standard deviation of a widened prior, of how far the number may go"""
-_DECISIVE = 6.0
+DECISIVE = 6.0
 """Least decrease of squares and priors, as twice the logarithm of a Bayes factor: strong evidence (Kass and
 Raftery, JASA 90, 1995)
 """
@@ -154,7 +154,7 @@ def widened(
     case, fitted = trials.reweighted(case, fitted, f"widened_{mark([name])}", once=True)
     after = trials.errors(case, fitted.point)
     saves = _saves(usual, trials, base, case, fitted)
-    if gave_up(before, after) or saves < _DECISIVE:
+    if gave_up(before, after) or saves < DECISIVE:
         return None
     selected = chance_of_selection(case, base, fitted, trials.training.session, among)
     found = gain(before, after, selected)

@@ -92,7 +92,7 @@ class LimitCase(LinearCase):
     """The gust does nothing up to a strength of 0.6, from where on it grows."""
 
     def residual(self, points, pieces, timestep=None):
-        """Of no more than a score test of strength 1 tells."""
+        """The residual with the gust's strength above 0.6 alone."""
 
         def limited(point):
             size = point.effects.get(GUST, np.zeros(1))

@@ -88,8 +88,8 @@ def controls(
 
 
 class ToldBefore:
-    """What drives told their actuators, of the last few twins: most twins of a derivative tell the same, and
-    effects that remember go through it row by row.
+    """Controls of the last few twins. Most twins of a derivative have the same, and effects on them take
+    long: they go through all rows one by one.
     """
 
     _MOST = 16

@@ -1,6 +1,6 @@
 """Show what twins, their sensors included, show in motion in every row of a log."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -49,14 +49,17 @@ class MovingTwin:
     compiled: Callable[[Sequence[Factor]], mujoco.MjModel]
     """Its model, with numbers that a session states"""
     told: ToldBefore
-    """What drives of the twins before it told their actuators"""
+    """Controls of the twins before it"""
 
-    @property
-    def _tells(self) -> tuple[Hashable, ...]:
-        """What sets twins apart whose drives tell their actuators something else."""
-        drives = [SCALE, *map(zero_of, self.machine.commanded)]
+    def _controls(self, pieces: Runs) -> Array:
+        """What the actuators are told; without effects on that, it is quicker computed than looked up."""
+        made = partial(controls, self.machine, self.there, self.x, pieces)
         on_drives = [repr(each) for each in self.there if each.acts_at < CABLE]
-        return (*(self.x.get(name, 0.0) for name in drives), *on_drives)
+        if not on_drives:
+            return made()
+        drives = [SCALE, *map(zero_of, self.machine.commanded)]
+        coordinates = [self.x.get(name, 0.0) for name in drives]
+        return self.told.of((*coordinates, *on_drives), pieces, made)
 
     def driven(self, pieces: Runs) -> DrivenRuns:
         """The models of its runs, which may state numbers of their own, and what drives them."""
@@ -65,10 +68,9 @@ class MovingTwin:
             model = self.compiled(known)
             for n in which:
                 models[n] = model
-        told = partial(controls, self.machine, self.there, self.x, pieces)
         return DrivenRuns(
             models,
-            self.told.of(self._tells, pieces, told),
+            self._controls(pieces),
             switched_off(self.machine, pieces),
             pieces.period,
             known_motion(self.machine, self.x, pieces),

@@ -81,8 +81,9 @@ class ModelMachine(RunMachine):
     row: float = 0.0
     """Of a motion [s]"""
     gains: StartGains = field(default_factory=StartGains, compare=False, repr=False)
-    told: ToldBefore = field(default_factory=ToldBefore, compare=False, repr=False)
     """How starts are improved"""
+    told: ToldBefore = field(default_factory=ToldBefore, compare=False, repr=False)
+    """What actuators were told in the last few twins"""
     begun: SessionStarts = field(default_factory=SessionStarts, compare=False, repr=False)
     """How sessions begin"""
     every: int = 1
