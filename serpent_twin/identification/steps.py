@@ -135,22 +135,28 @@ class Tracer:
         return calibrated, base, rounds
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
-        """The fit with an effect in place of a number that was moved beyond reason, or nothing."""
+        """The fit with an effect in place of a number that was moved beyond reason, or found far off; or
+        nothing.
+        """
         if not derives_cheaply(self.case) or not rounds or rounds[-1].accepted:
             return None
-        last = rounds[-1]
-        number, alike = strained(self.case, base, [each.score for each in last.trials.values()])
+        last, wide = rounds[-1], self.case
+        case = replace(wide, widened={})
+        number, alike = strained(case, base, [each.score for each in last.trials.values()])
         if not alike:
             return None
         self.on_progress(f"effects in place of {number}")
         tried = {name: last.trials[name] for name in alike if last.trials[name].opened}
-        if not tried:
-            now, stage = opened(self.trials, self.case, base, len(rounds)), f"{len(rounds)}_moved"
+        if not tried or wide.widened:
+            now, stage = opened(self.trials, case, base, len(rounds)), f"{len(rounds)}_moved"
             tried = from_opening(self.trials, alike, now, base, last.errors, stage)
-        if (done := relieved(self.trials, self.case, base, number, tried)) is None:
+        if (done := relieved(self.trials, case, base, number, tried)) is None:
             return None
         rounds.append(done)
-        return self._stands(rounds)
+        self.case = case
+        if (found := self._stands(rounds)) is None:
+            self.case = wide
+        return found
 
     def _settled(self, better: Fit, rounds: Sequence[Round]) -> Fit:
         """The fit of an accepted effect, to which others are added."""
