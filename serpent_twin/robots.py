@@ -112,7 +112,7 @@ class Simulated:
 
     @property
     def figure(self) -> "Figure":
-        """The first session: measured, predicted and the difference, the inputs below."""
+        """The session that differs most: measured, predicted and the difference, the inputs below."""
         return first_picture.first_picture(self.comparison).drawing
 
     def _repr_png_(self) -> bytes:

@@ -92,7 +92,7 @@ def _checked(
         progress.step("weights")
         pieces = case.pieces(logs)
         if out:
-            progress.say(begin_report(case, pieces, out, "What these logs can tell"))
+            progress.say(begin_report(case.compare(None, pieces), out, "What these logs can tell"))
         case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
         progress.step("derivatives")
         opening = opening_fit(case, pieces)

@@ -125,6 +125,8 @@ class Diagnosis:
     """Composed laws beside free curves, by the effect's name"""
     shapes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Of each composed effect: the same effect with each other shape of its law that fits the logs as well"""
+    shown: Comparison | None = None
+    """All sessions beside the nominal twin, of which a first picture shows one"""
 
     def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
         """diagnosis.json."""

@@ -40,6 +40,7 @@ _VERDICT_STYLE = {
 Twin = tuple[Comparison, Findings]
 """What one twin predicts beside what was measured, and what there is to say of it"""
 _HEAT_S = 4.0  # a cell of the heat map
+_DRAWN = 24  # candidates, the first ones; a table has all
 _LABEL = 46  # characters in a line of a candidate's label: a composed law is a sentence
 
 
@@ -136,7 +137,7 @@ def ranking(candidates: Sequence[Tried], unit: str = "mm") -> Figure | None:
     """The score of every candidate, and the held-out gain of those that were fitted."""
     if not candidates:
         return None
-    order = ranked(candidates)
+    order = ranked(candidates)[:_DRAWN]
     fitted = any(np.isfinite(mean_gain(each)[0]) for each in order)
     lines = max(_label(each).count("\n") for each in order)
     height = 0.34 * len(order) * (1 + 0.45 * lines) + 1.3
@@ -154,7 +155,9 @@ def ranking(candidates: Sequence[Tried], unit: str = "mm") -> Figure | None:
         "remove, to first order. Right, what it brings on held-out segments when fitted together with "
         "all declared parameters: dots are segments, the bar is the mean with its 95 % interval."
     )
-    return Figure("candidates", drawing, caption if fitted else caption.split(" Right")[0])
+    caption = caption if fitted else caption.split(" Right")[0]
+    more = " All others are in the table." if len(candidates) > _DRAWN else ""
+    return Figure("candidates", drawing, caption + more)
 
 
 def _label(tried: Tried) -> str:
@@ -248,6 +251,10 @@ def _span(values: Sequence[Array], tail: float) -> tuple[float, float]:
 def place_and_time(twins: Mapping[str, Twin]) -> Figure:
     """The error of each joint or marker over time, with all twins on one scale."""
     drawing, panels = sheet(9, 0.8 + 2.2 * len(twins), columns=1, rows=len(twins))
+    twins = {
+        stage: (short if found.joints else short.joined(), found)
+        for stage, (short, found) in twins.items()
+    }
     shown = [marker_curve(comparison, found.joints) for comparison, found in twins.values()]
     names, _, label = shown[0]
     cells = [_cells(c, v) for (c, _), (_, v, _) in zip(twins.values(), shown, strict=True)]

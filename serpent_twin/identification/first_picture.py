@@ -3,13 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.case import Case
 from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, sheet, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, write
 from serpent_twin.residual import Comparison
@@ -47,10 +46,9 @@ class Channel:
     """(T,)"""
 
 
-def begin_report(case: Case[Any], pieces: Any, out: Path, title: str) -> str:
-    """Write a report that shows the first session of some pieces; returns where its picture is."""
-    section = first_section(case.compare(None, pieces))
-    write(Report(title, _RUNNING, (section,)), out)
+def begin_report(comparison: Comparison, out: Path, title: str) -> str:
+    """Write a report that shows what was measured beside the nominal twin; returns where its picture is."""
+    write(Report(title, _RUNNING, (first_section(comparison),)), out)
     return f"{out / 'figures' / NAME}.png: measured beside the nominal model."
 
 
@@ -60,8 +58,10 @@ def first_section(comparison: Comparison) -> Section:
 
 
 def first_picture(comparison: Comparison) -> Figure:
-    """Each joint or marker of one session, measured beside predicted, with the residual; the inputs below."""
-    session = comparison.session[0]
+    """Each joint or marker of the session that differs most, measured beside predicted, with the residual;
+    the inputs below.
+    """
+    session = _furthest(comparison)
     rows = np.flatnonzero([name == session for name in comparison.session])
     time, order = _clock(comparison, rows)
     channels = list(_channels(comparison, order))[:_MOST_ROWS]
@@ -88,10 +88,33 @@ def first_picture(comparison: Comparison) -> Figure:
     )
     drawing.align_ylabels(list(panels))
     caption = (
-        f"Session {session}, before anything is fitted. The nominal model starts anew, from what was "
-        "measured, at the beginning of each segment."
+        f"Session {session}, in which they differ most, before anything is fitted. The nominal model starts "
+        "anew, from what was measured, at the beginning of each segment."
     )
     return Figure(NAME, drawing, caption)
+
+
+def _furthest(comparison: Comparison) -> str:
+    """The session whose channels differ most, each beside what it differs in all sessions."""
+    pairs = (
+        (comparison.marker_measured, comparison.marker_predicted),
+        (comparison.load_measured, comparison.load_predicted),
+    )
+    names = list(dict.fromkeys(comparison.session))
+    found = np.zeros(len(names))
+    for measured, predicted in pairs:
+        if measured is None or predicted is None:
+            continue
+        squares = ((measured - predicted) ** 2).reshape(*measured.shape[:2], -1)
+        each = np.array([_mean(squares[np.array(comparison.session) == name]) for name in names])
+        found += np.nan_to_num(each / np.maximum(_mean(squares), 1e-300)).sum(axis=1)
+    return names[int(np.argmax(found))]
+
+
+def _mean(squares: Array) -> Array:
+    """The mean over segments and rows of what is known, (channels,); 0 of channels without any."""
+    known = np.isfinite(squares)
+    return np.where(known, squares, 0.0).sum(axis=(0, 1)) / np.maximum(known.sum(axis=(0, 1)), 1)
 
 
 def _clock(comparison: Comparison, rows: Rows) -> tuple[Array, Rows]:

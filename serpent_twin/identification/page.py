@@ -34,9 +34,8 @@ def page(
     were known.
     """
     drawn = _residual_figures(diagnosis)
-    nominal = diagnosis.comparisons.get("nominal")
     sections = (
-        first_section(nominal) if nominal else None,
+        first_section(diagnosis.shown) if diagnosis.shown else None,
         _before_and_after(diagnosis, drawn),
         effects_section(diagnosis.identifiability) if diagnosis.identifiability else None,
         _ranking(diagnosis),

@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -119,11 +119,16 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
                 f"{listed(config.logs)}: some must judge and some be fitted. Name others."
             )
         return [s for s in sessions if s not in judging], judging
-    if config.held_out < 1 or len(sessions) <= config.held_out:
+    if len(sessions) == 1:
         raise SerpentError(
-            f"{listed(config.logs)} has {counted(len(sessions), 'session')}, and --held-out is "
-            f"{config.held_out}: one at "
-            "least must judge and one at least be fitted. Record more sessions; three to fit are good."
+            f"one session of {listed(config.logs)} is given, and a trace needs two: one judges what is "
+            "fitted to the other. Record another one, three more are good; `serpent-twin check` says what "
+            "this one can tell."
+        )
+    if len(sessions) <= config.held_out:
+        raise SerpentError(
+            f"--held-out {config.held_out} leaves none of {counted(len(sessions), 'session')} to be fitted. "
+            f"Hold out {len(sessions) - 1} at most, or give more sessions."
         )
     return list(sessions[: -config.held_out]), list(sessions[-config.held_out :])
 
@@ -195,8 +200,9 @@ def run(
         case = rig.open(training)
         progress.simulations = lambda: case.clock.count
         judged = case.pieces(judging)
+        before = case.compare(None, case.pieces([*training, *judging]))
         if shown:
-            progress.say(begin_report(case, judged, config.out, f"What the twin of {arm} lacks"))
+            progress.say(begin_report(before, config.out, f"What the twin of {arm} lacks"))
         notes = Checkpoints(config.out / "stages", case.clock)
         kind = ComposingTracer if config.discover and case.composes else RefittingTracer
         tracer = kind(
@@ -211,6 +217,7 @@ def run(
         selection = tracer.select()
         progress.step("what is left")
         found = build_diagnosis(tracer, selection, arm, [_file(s) for s in judging])
+        found = replace(found, shown=before)
     return tracer, selection, found
 
 

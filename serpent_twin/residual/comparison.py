@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from serpent_twin.numerals import counted
 from serpent_twin.residual.measure import ANGLE, LOADS, MARKERS, Measure
 
 Array = NDArray[np.floating[Any]]
+_LONG = 256
+"""Rows, of segments over which spectra and correlations in time are told"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +159,24 @@ class Comparison:
         chosen = np.arange(len(self))[which]
         rows = {k: v[chosen] for k in _ROWS if (v := getattr(self, k)) is not None}
         return replace(self, session=tuple(self.session[i] for i in chosen), **rows)
+
+    def joined(self, rows: int = _LONG) -> "Comparison":
+        """Segments of at least so many rows, from adjacent ones; what does not fill one is left out."""
+        width = self.time.shape[1]
+        follows = np.abs(np.diff(self.start) - width * self.period) < 0.5 * self.period
+        follows &= np.array([a == b for a, b in pairwise(self.session)], bool)
+        runs = np.split(np.arange(len(self)), np.flatnonzero(~follows) + 1)
+        several = min(-(-rows // width), max(map(len, runs)))
+        if several < 2:
+            return self
+        groups = [run[n : n + several] for run in runs for n in range(0, len(run), several)]
+        chosen = np.array([each for each in groups if len(each) == several])
+        whole = {
+            name: value[chosen].reshape(len(chosen), several * width, *value.shape[2:])
+            for name in _ROWS
+            if (value := getattr(self, name)) is not None
+        }
+        return replace(self, session=tuple(self.session[n] for n in chosen[:, 0]), **whole)
 
     def corrected(self, marker_correction: Array) -> "Comparison":
         """The comparison with something added to the predicted markers [m], (S, T, M, 3)."""

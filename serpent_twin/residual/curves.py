@@ -85,7 +85,7 @@ def _error(
         return turn, f"extra rotation at {name} [°]"
     name = comparison.marker_names[i]
     distance = np.nan_to_num(marker.scale * comparison.distance[:, :, i])
-    return distance, f"distance at {name} [{marker.unit}]"
+    return distance, f"{marker.apart} at {name} [{marker.unit}]"
 
 
 def _along(dependence: Dependence, values: Array) -> Array:
@@ -102,4 +102,8 @@ def marker_curve(
     if found is not None:
         return comparison.joint_names, np.degrees(known(found.rotation)), "extra rotation, rms [°]"
     distance = np.nan_to_num(comparison.marker.scale * comparison.distance)
-    return comparison.marker_names, distance, f"distance, rms [{comparison.marker.unit}]"
+    return (
+        comparison.marker_names,
+        distance,
+        f"{comparison.marker.apart}, rms [{comparison.marker.unit}]",
+    )

@@ -210,7 +210,8 @@ def _heat(comparison: Comparison, findings: Findings) -> Figure:
 def _spectrum(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
     """Power of the marker residual by frequency."""
     drawing, (axes,) = sheet(9, 3.7)
-    for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
+    for (name, short), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
+        comparison = short.joined()
         values = comparison.marker.scale * comparison.marker_residual.reshape(
             *comparison.time.shape, -1
         )

@@ -59,6 +59,11 @@ class Measure:
         return f"{self.what}' error" if self.axes else f"the {self.one} error"
 
     @property
+    def apart(self) -> str:
+        """What measured and predicted are apart."""
+        return "distance" if self.axes else f"{self.one} error"
+
+    @property
     def what(self) -> str:
         """Its name in a sentence, such as `the markers`."""
         return self.are.rsplit(" ", 1)[0]

@@ -136,6 +136,7 @@ class Whiteness:
 
 def whiteness(comparison: Comparison) -> Whiteness:
     """Test every coordinate of every marker and every load of a comparison against white noise and inputs."""
+    comparison = comparison.joined()
     rows = comparison.time.shape[1]
     lags = max(1, min(_LAGS, rows // 4))
     residual, inputs = _residual(comparison), _inputs(comparison)

@@ -21,6 +21,7 @@ def whiteness_figure(found: Whiteness) -> Figure | None:
         extent=(0.5 * found.period, end, len(rho) - 0.5, -0.5),
     )  # fmt: skip
     left.set_xlabel("lag [s]")
+    left.locator_params(axis="x", nbins=5)
     every = -(-len(rho) // _LABELS)
     names = [each.name for each in found.channels][::every]
     left.set_yticks(range(0, len(rho), every), names, fontsize=7)

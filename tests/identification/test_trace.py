@@ -110,7 +110,7 @@ def test_the_same_command_goes_on_and_gives_the_same(diagnosis, logs):
 
 
 def test_one_session_is_too_few(logs, tmp_path):
-    with pytest.raises(SerpentError, match=r"has 1 session,.*Record more"):
+    with pytest.raises(SerpentError, match=r"needs two: .*Record another"):
         trace(Trace((logs["base_tilt"],), tmp_path / "out", sessions=1))
 
 

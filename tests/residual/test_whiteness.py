@@ -1,5 +1,7 @@
 """Whiteness against series whose autocorrelation and dependence on inputs are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -66,12 +68,13 @@ def test_an_autoregression_is_not_white_and_its_autocorrelation_is_found():
     np.testing.assert_allclose(mean[:4], 0.5 ** np.arange(4), atol=0.05)
 
 
-def test_segments_are_not_continued_into_one_another():
-    """The second half of each segment repeats at the beginning of the next: no pair of a segment shows it."""
+def test_sessions_are_not_continued_into_one_another():
+    """The end of each session repeats at the beginning of the next: no pair of a session shows it."""
     rng = np.random.default_rng(4)
     load = rng.standard_normal((40, 24, 1))
     load[1:, :6] = load[:-1, -6:]
-    found = whiteness(compared(load)).channels[0]
+    apart = replace(compared(load), session=tuple(f"run {n}" for n in range(len(load))))
+    found = whiteness(apart).channels[0]
     chained = load.ravel()
     assert np.corrcoef(chained[:-6], chained[6:])[0, 1] > 0.2  # as if segments were one series
     assert abs(found.autocorrelation[6]) < found.bound[6]
@@ -126,3 +129,16 @@ def test_the_numbers_carry_units():
     first = numbers["channels"][0]
     assert first["input"] == "motor 1's angle" and first["lag_s"] == 0.0
     assert first["correlation"] > 0.9 > first["bound"]
+
+
+def test_short_adjacent_segments_are_tested_as_long_ones():
+    """A motion is compared in segments of a few rows; only what is adjacent is joined."""
+    x = ar(np.random.default_rng(6), (2, 1024), 0.5)[..., None]
+    whole, short = compared(x), compared(x.reshape(-1, 8, 1))
+    one, other = (whiteness(each).channels[0] for each in (whole, short))
+    np.testing.assert_allclose(other.autocorrelation[:9], one.autocorrelation[:9], atol=0.02)
+    apart = short.segments(np.arange(256) % 32 != 31)  # every 32nd is lost
+    joined = apart.joined()
+    assert joined.time.shape == (8, 31 * 8)
+    np.testing.assert_allclose(np.diff(joined.time, axis=1), PERIOD)
+    assert short.joined().time.shape == (8, 256) and whole.joined() is whole
