@@ -97,7 +97,7 @@ def _checked(
         progress.step("derivatives")
         opening = opening_fit(case, pieces)
         seen = [each for name, each in case.candidates.items() if name not in case.unseen]
-        progress.step(f"score tests of {counted(len(seen), 'effect')}")
+        progress.step(f"screening {counted(len(seen), 'effect')}")
         found = scores(case, pieces, opening, seen)
         numbers = itertools.count()
 

@@ -116,6 +116,7 @@ def _first_order(case: Case[Any], explained: Explained, of: EffectChange) -> Arr
     return np.array([1 / by_scatter, 1 / by_gain, of.left / of.size if of.size else 1.0])
 
 
+@np.errstate(divide="ignore")
 def _limits(
     case: Case[Any],
     pieces: Any,
@@ -126,8 +127,7 @@ def _limits(
     first: Array,
 ) -> Array:
     """The same once a fit took up what it can of the effect, from what it is to first order."""
-    with np.errstate(divide="ignore"):
-        by_scatter, by_gain = (1 / first[:2]).tolist()
+    by_scatter, by_gain = (1 / first[:2]).tolist()
     share = float(first[2])
     times = _SURELY * max(by_scatter, by_gain)
     for _ in range(_TRIES):

@@ -39,7 +39,7 @@ from serpent_twin.identification.least_squares import OnProgress, derives_cheapl
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.relieved import relieved, strained
 from serpent_twin.identification.score_test import Score
-from serpent_twin.identification.trials import Trials
+from serpent_twin.identification.trials import Trials, in_words
 from serpent_twin.identification.widened import far_off
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
@@ -269,7 +269,7 @@ class Tracer:
         carried: Fit | None = None,
         last: bool = False,
     ) -> Fit:
-        self.on_progress(f"fit {name.replace('_', ' ')}")
+        self.on_progress(f"fitting {in_words(start)}{', the last time' if last else ''}")
         case, most = self.case, self.case.segments[last]
         steps = _LAST_STEPS if last and not derives_cheaply(case) else None
         return self.notes.fit(

@@ -156,8 +156,7 @@ class Trials:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
         compared with others should not be half-way.
         """
-        what = " and ".join(map(spaced, begun.point.effects)) or "the model's numbers"
-        self.on_progress(f"fitting {what} further")
+        self.on_progress(f"fitting {in_words(begun.point)} further")
         most, free = len(begun.used), begun.free
         return self.notes.fit(
             stage,
@@ -306,7 +305,7 @@ class Trials:
         """Score tests of candidates on top of a fit, by their names."""
 
         def test() -> list[Score]:
-            self.on_progress(f"score tests of {counted(len(names), 'candidate')}")
+            self.on_progress(f"screening {counted(len(names), 'candidate')}")
             return scores(case, self.training, base, [case.candidates[name] for name in names])
 
         return {each.name: each for each in self.notes.scores(f"scores_{stage}", test)}
@@ -317,7 +316,7 @@ class Trials:
         """The same with the best place of those candidates that show and may be at many."""
 
         def test() -> list[Score]:
-            self.on_progress("score tests of places")
+            self.on_progress("screening places")
             return placed(case, self.training, base, found)
 
         better = self.notes.scores(f"places_{stage}", test)
@@ -328,3 +327,8 @@ def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool
     """Whether a composed law removes clearly less than another, to first order."""
     squares = float((base.residual.astype(float) ** 2).sum()) / base.variance_inflation
     return (scores[name].share - scores[other].share) * squares > APART
+
+
+def in_words(point: ParameterVector) -> str:
+    """What is fitted: a point's effects, or the model's numbers alone."""
+    return " and ".join(map(spaced, point.effects)) or "the model's numbers"

@@ -48,7 +48,9 @@ def follow(
     width = _widths(problem.case, problem.free, at.point)
     scaled = jacobian.reshape(len(width), -1).astype(float) * width[:, None]
     for n in range(rounds):
-        on_progress(f"weakest directions, round {n + 1} of {rounds}: cost {at.cost:.0f}")
+        on_progress(
+            f"what numbers can hardly tell apart, round {n + 1} of {rounds}: cost {at.cost:.0f}"
+        )
         weak = _differentiated(problem, at, scaled, width)
         taken = _stepped(problem, at, scaled, width, weak)
         gained, at = at.cost - taken.cost, taken

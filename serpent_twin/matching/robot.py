@@ -158,7 +158,7 @@ def _broken(path: Path, error: ValueError, missing: list[str] | None = None) -> 
             f"{path}: the files of the meshes {listed(missing[:4])} are missing, and without them MuJoCo "
             f"says: {why}. Put the files beside the model, or give its bodies an <inertial>."
         )
-    return f"{path} is no model that MuJoCo builds: {why}. Mend it."
+    return f"{path} is no model that MuJoCo builds: {why}. Correct it until MuJoCo's own viewer opens it."
 
 
 def _require_names(path: Path, model: mujoco.MjModel) -> None:

@@ -160,16 +160,18 @@ def _at_rows(even: EvenRows, one: Columns, notes: list[str]) -> _Kinds:
 
     gap = longest_gap(even.period)
     known = {n: between(even.time, v, even.time, gap) for n, v in kept(one.prescribed).items()}
-    commands = dict[str, Array]()
+    commands, alike = dict[str, Array](), dict[tuple[str, int], list[str]]()
     for name, values in kept(one.commands).items():
         stream = is_stream(values)
         whole = between(even.time, values, even.time, gap) if stream else values
         commands[name] = held_cells(whole)
         if lacking := int(np.isnan(values).sum()):
             how = "interpolated, as they change smoothly," if stream else "held"
-            notes.append(
-                f"{one.path}: commands in {name!r} {how} in {counted(lacking, 'row')} without one."
-            )
+            alike.setdefault((how, lacking), []).append(repr(name))
+    for (how, lacking), names in alike.items():
+        notes.append(
+            f"{one.path}: commands in {listed(names)} {how} in {counted(lacking, 'row')} without one."
+        )
     return commands, kept(one.measured), known
 
 
