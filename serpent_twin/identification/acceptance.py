@@ -44,6 +44,7 @@ BEYOND_DOUBT = 1e-4
 """Probability of chance below which a gain shows by itself that a lone strength is not zero, however much the
 segments disagree about its size"""
 
+NEGLECTED = "no more than what the effects before it may neglect"
 _LEAST_ERROR = 1e-6
 """Share of an error that is left at least"""
 _OUTDONE = 2
@@ -68,6 +69,8 @@ class CandidateTrial:
     """By how much it fits the training segments better, as the logarithm of the ratio of rms residuals"""
     opened: bool = False
     """Whether it was fitted from where nothing is calibrated"""
+    neglected: float = 0.0
+    """Share of what the fit without it leaves that the effects before it may neglect [1]"""
 
     @property
     def evidence(self) -> float:
@@ -76,6 +79,11 @@ class CandidateTrial:
         """
         gained = self.gain.whole if self.gain else 0.0
         return (self.fits - float(np.log(max(1 - gained, _LEAST_ERROR)))) / 2
+
+    @property
+    def within_neglect(self) -> bool:
+        """Whether it explains no more than what the effects before it may neglect."""
+        return self.neglected > 0 and 1 - float(np.exp(-2 * self.fits)) <= self.neglected
 
 
 @dataclass(frozen=True)
@@ -173,6 +181,8 @@ def why_not(name: str, trial: CandidateTrial, candidate: Candidate) -> str:
     """Why a candidate is not accepted; empty if it is."""
     if not trial.fit or not trial.gain:
         return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
+    if trial.within_neglect:
+        return f"{trial.gain}; {NEGLECTED}"
     return weakness_of_fit(trial.fit, trial.gain, {name: candidate})
 
 
@@ -180,7 +190,7 @@ def doubtful(name: str, trial: CandidateTrial, candidate: Candidate) -> bool:
     """Whether a candidate was rejected for chance alone: a gain or a strength that more logs may show."""
     if not trial.fit or not trial.gain or trial.gain.relative <= _worth_it(trial.gain):
         return False
-    ends = too_strong(candidate, trial.fit.point.effects[name])
+    ends = too_strong(candidate, trial.fit.point.effects[name]) or trial.within_neglect
     return not ends and bool(why_not(name, trial, candidate))
 
 
@@ -232,6 +242,7 @@ def promising(trials: Mapping[str, CandidateTrial]) -> str:
         name: trial.gain.relative
         for name, trial in trials.items()
         if trial.gain
+        and not trial.within_neglect
         and WORTH_IT / 2 < trial.gain.relative <= WORTH_IT
         and trial.gain.probability_of_chance < CHANCE
     }

@@ -18,6 +18,7 @@ from serpent_twin.identification.discovery import (
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.moved import moved
+from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.proxies import needless
 from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.wording import spaced
@@ -64,7 +65,7 @@ class ComposingTracer(RefittingTracer):
         effect and all after it do takes their place, and so does one law for two at one place: as soon as
         there is a law, because laws on top of a wrong effect are wrong, too.
         """
-        if self.late:
+        if self.late or neglected(self.case, base) >= 1:
             return base
         named, settled = len(rounds), base
         if law := self._absorbed(base, rounds):

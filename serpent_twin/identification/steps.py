@@ -36,6 +36,7 @@ from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
+from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.relieved import relieved, strained
 from serpent_twin.identification.score_test import Score
@@ -322,7 +323,7 @@ class Tracer:
     def _round(self, base: Fit, rounds: Sequence[Round], opening: Opening) -> Round:
         """Try all candidates; those that calibration may have absorbed also where nothing is calibrated yet;
         and pairs, if none is accepted alone. Without any, a promising candidate stands until it was fitted
-        again.
+        again. None is fitted where effects that were found may neglect all that is left.
         """
         number = len(rounds) + len(self.case.widened) + 1
         names = [
@@ -331,6 +332,10 @@ class Tracer:
             if n not in base.point.effects and n not in self.case.unseen
         ]
         before = self.errors(base.point)
+        if neglected(self.case, base) >= 1:
+            stage = f"{number}_base"
+            told = self.trials.each(names, self.case, base, base, before, stage, but=names)
+            return Round(base, before, told, ())
         much = number > 1 and not self.trials.little(self.case, base, before)
         missed, absorbed = {}, {}
         if number > 1 and not derives_cheaply(self.case):

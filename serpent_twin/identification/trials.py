@@ -10,6 +10,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import (
     HARDLY,
+    NEGLECTED,
     CandidateTrial,
     PairTrial,
     Round,
@@ -26,6 +27,7 @@ from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.laws_to_fit import laws_to_fit, sensor_of
 from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.left_out import chance_of_selection
+from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
 from serpent_twin.identification.score_test import (
     BESIDE_OTHERS,
@@ -197,8 +199,10 @@ class Trials:
 
     def little(self, case: Case[Any], found: Fit, left: Errors) -> bool:
         """Whether a fit's held-out errors are hardly more than the measurement's noise, or than its own if it
-        lacked nothing.
+        lacked nothing; or whether its effects may neglect all that is left.
         """
+        if neglected(case, found) >= 1:
+            return True
         noise = noise_alone(case, self.held_out)
         if not LITTLE * noise < left.marker < _NOT_NOISE * noise:
             return left.marker <= LITTLE * noise
@@ -239,7 +243,9 @@ class Trials:
             among = len(chosen) + len(known)
             trial = self.judged(case, scores[pair.names[0]], base, fitted, before, among)
             assert trial.gain
-            why = weakness_of_fit(fitted, trial.gain, {name: known[name] for name in pair.names})
+            why = NEGLECTED if trial.within_neglect else ""
+            both = {name: known[name] for name in pair.names}
+            why = why or weakness_of_fit(fitted, trial.gain, both)
             out.append(PairTrial(pair, trial, why))
         return tuple(out)
 
@@ -297,7 +303,10 @@ class Trials:
         selected = chance_of_selection(case, base, fitted, parts, among, sensor, once)
         better = gained(case, score, (base, fitted), (before, after), selected)
         fits = fits_better(base, fitted, case.channels)
-        return CandidateTrial(score, fitted, better, after.marker, selected, after, fits)
+        beside = neglected(case, base)
+        return CandidateTrial(
+            score, fitted, better, after.marker, selected, after, fits, neglected=beside
+        )
 
     def scores(
         self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]
