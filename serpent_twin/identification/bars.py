@@ -3,7 +3,8 @@
 A bar that rises with the error would pass any error. The bar is what a twin that lacks nothing would
 leave: the noise of the measurement, at the start too, and what a fit to logs of such noise leaves uncertain.
 What looks like noise from row to row, the jitter, may raise it only as far as no pose of the machine explains
-it; and what a twin of the machine left before that was changed may raise it, as no change explains that.
+it; what a twin of the machine left before that was changed may raise it, as no change explains that; and
+what the laws of its effects neglect.
 """
 
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.case import Case
 from serpent_twin.residual.noise import Noise, expected_distance
@@ -36,19 +38,23 @@ class Bars:
     before_change: float = 0.0
     """What the twin left of the machine before that was changed; 0 without such a twin"""
 
+    neglected: float = 0.0
+    """What the effects that were found may neglect, each a share of what it changes"""
+
     @property
     def bar(self) -> float:
-        """The error that is compared: the largest of a complete twin's, the capped jitter, and what the twin
-        left before a change.
+        """The error that is compared: the largest of a complete twin's, the capped jitter, what the twin left
+        before a change, and what its effects neglect.
         """
         capped = float(np.fmin(self.jitter, self.camera_noise))
-        return float(np.nanmax([self.complete_twin, capped, self.before_change]))
+        several = [self.complete_twin, capped, self.before_change, self.neglected]
+        return float(np.nanmax(several))
 
     def numbers(self, unit: str) -> Mapping[str, Any]:
         """Entries of diagnosis.json."""
-        several = ("complete_twin", "before_change")
+        several = ("complete_twin", "before_change", "neglected")
         held = next((name for name in several if self.bar == getattr(self, name)), "jitter")
-        names = ("camera_noise", "complete_twin", "jitter", "before_change", "bar")
+        names = ("camera_noise", "jitter", *several, "bar")
         each = {name: getattr(self, name) for name in names}
         return {f"{name}_{unit}": value for name, value in each.items()} | {"held": held}
 
@@ -75,4 +81,5 @@ def bars(
     camera = noise_alone(case, held_out)
     share = wider * min(1.0, BEYOND * camera / error) if error > 0 else wider
     complete = case.expected(found.point, drawn(case, found, rng, _DRAWS, share), held_out, rng)
-    return Bars(camera, complete, noise.mean_jitter, case.machine.error_before_change)
+    left = error * float(np.sqrt(neglected(case, found)))
+    return Bars(camera, complete, noise.mean_jitter, case.machine.error_before_change, left)

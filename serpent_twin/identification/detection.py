@@ -28,7 +28,7 @@ from serpent_twin.identification.identifiability import (
 )
 from serpent_twin.identification.imitated import Imitation
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.least_squares import fit, spread, telling
 from serpent_twin.identification.score_test import Score, strengths
 from serpent_twin.identification.weak_directions import (
     NamedParameter,
@@ -51,9 +51,15 @@ _MOST_TIMES = 1e6
 
 
 def opening_fit(case: Case[Any], pieces: Any) -> Fit:
-    """First guesses as a fit without any step, with the derivatives by all declared parameters."""
+    """First guesses as a fit without any step, with the derivatives by all declared parameters, on segments
+    that tell as much as all.
+    """
     start, free = ParameterVector.nominal(case.declared), free_parameters(case, ())
-    return fit(case, pieces, start, free, 1, case.segments[0], steps=0)
+    used = spread(len(pieces), case.segments[0])
+    if len(used) < len(pieces):
+        left = case.residual([start], pieces, case.coarse_step([start]))[0].astype(float)
+        used = telling(np.nan_to_num((left**2).mean(axis=1)), used)
+    return fit(case, pieces, start, free, 1, len(used), steps=0, used=used)
 
 
 Keeping = Callable[[str, Callable[[], Array]], Array]

@@ -45,7 +45,7 @@ def opened(trials: Trials, case: Case[Any], base: Fit, number: int) -> Opening:
     trials.on_progress(f"opening of round {number}")
     begun = trials.notes.fit(
         f"opening_{number}",
-        lambda: fit(case, trials.training, start, free, 1, case.segments[0], steps=0),
+        lambda: fit(case, trials.training, start, free, 1, len(base.used), steps=0, used=base.used),
     )
     return case, begun
 

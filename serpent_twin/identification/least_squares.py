@@ -54,8 +54,9 @@ def fit(
     near: float = np.inf,
     rounds: int = 0,
     afresh: bool = False,
+    used: Sequence[int] = (),
 ) -> Fit:
-    """Fit to at most so many segments, spread evenly, with at most so many derivatives.
+    """Fit to at most so many segments, those `used` or spread evenly, with at most so many derivatives.
 
     A derivative serves several steps, with Broyden's rank-one update after each. From a fit that is `known`,
     the segments and the derivative by the declared parameters are taken, so that only the effects' are
@@ -68,7 +69,8 @@ def fit(
     if steps is None:
         steps = case.steps_of_derivative
         derivatives *= _MORE if derives_cheaply(case) else 1
-    used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
+    first = carried.used if carried else used
+    used = known.used if known else spread(len(pieces), most, first)
     problem = Objective(case, case.take(pieces, used), free, known, afresh)
     at, jacobian = problem.carry(start, carried, used) if carried else problem.begin(start)
 
@@ -127,7 +129,24 @@ def descend(
     return at, jacobian
 
 
-def _spread(segments: int, most: int, used: Sequence[int] = ()) -> tuple[int, ...]:
+def telling(squares: Array, chosen: Sequence[int]) -> tuple[int, ...]:
+    """Some segments in which, on average, a twin leaves as much as in all, from its squares in each, (S,):
+    those that leave most take the place of the next ones of those `chosen`, until they do. What a robot does
+    seldom, as to reach a limit, is in few segments.
+    """
+    some, taken = np.array(chosen), set[int]()
+    for worst in np.argsort(-squares).tolist():
+        if squares[some].mean() >= squares.mean():
+            break
+        left = [n for n, k in enumerate(some.tolist()) if k not in taken]
+        if worst not in some and left:
+            nearest = min(left, key=lambda n: abs(int(some[n]) - worst))
+            some[nearest] = worst
+        taken.add(worst)
+    return tuple(sorted(some.tolist()))
+
+
+def spread(segments: int, most: int, used: Sequence[int] = ()) -> tuple[int, ...]:
     """Which segments a fit uses: the middles of so many equal parts; beside those `used` already, the ones
     that lie farthest from all others.
     """

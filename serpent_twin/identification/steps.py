@@ -287,6 +287,7 @@ class Tracer:
                 carried,
                 steps,
                 rounds=case.weak_rounds if last else 0,
+                used=() if last else self._at_opening[1].used,
             ),
         )
 

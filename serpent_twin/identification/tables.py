@@ -100,6 +100,7 @@ def bars(diagnosis: Diagnosis) -> Table:
         ("a twin that lacks nothing", _fixed(of.complete_twin)),
         ("what changes from row to row like noise", _fixed(of.jitter)),
         *([("the twin before the change", _fixed(of.before_change))] if of.before_change else []),
+        *([("what its effects may neglect", _fixed(of.neglected))] if of.neglected else []),
         ("the bar", _fixed(of.bar)),
     )
     note = (

@@ -13,7 +13,7 @@ from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, blocks, chance, gain, together
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.least_squares import fit, telling
 from serpent_twin.identification.left_out import left_out
 from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import full_fit, placed, scores, worth_fitting
@@ -286,3 +286,14 @@ def test_places_are_tried_within_the_best_one_so_far(place, size, last, found_at
     assert arm.asked == ([2] if not size else [2, 3] if place == -1 else [2, 3, 3])
     if size:
         assert found.start[0] == pytest.approx(size, rel=0.05) and found.share > 0.2
+
+
+def test_segments_are_chosen_that_leave_as_much_as_all_do():
+    """A limit that is reached in two of sixty segments is in those that are fitted."""
+    chosen = list(range(3, 60, 6))
+    assert telling(np.ones(60), chosen) == tuple(chosen)
+    seldom = np.ones(60)
+    seldom[[20, 41]] = 400.0, 300.0
+    found = telling(seldom, chosen)
+    assert {20, 41} <= {*found} or seldom[list(found)].mean() >= seldom.mean()
+    assert 20 in found and len(found) == len(chosen) and 21 not in found  # the next one gave way

@@ -8,7 +8,7 @@ import pytest
 from linear_case import GUST, NOTHING, START, case, every
 
 from serpent_twin.effects import Range
-from serpent_twin.identification.acceptance import accepting
+from serpent_twin.identification.acceptance import CandidateTrial, accepting
 from serpent_twin.identification.bars import BEYOND, Bars
 from serpent_twin.identification.build_diagnosis import _stands_in
 from serpent_twin.identification.free_parameters import free_parameters
@@ -16,6 +16,7 @@ from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.moved import _expected, moved
+from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
 from serpent_twin.identification.score_test import (
     BESIDE_OTHERS,
@@ -209,3 +210,16 @@ def test_beside_effects_that_left_little_a_candidate_must_remove_more(left, comp
     errors = Errors(np.full((2, 5), left), np.full((2, 5), np.nan))
     assert trials._worth_a_fit(noisy, found, errors) == least
     assert trials._worth_a_fit(noisy, base, errors) == WORTH_A_FIT
+
+
+def test_another_effect_must_explain_more_than_those_before_it_neglect():
+    """A hundredth of a gust of 8, where noise of 0.5 is left."""
+    arm = case(8.0)
+    start = START.having(GUST, np.array([7.0]))
+    found = fit(arm, every(), start, free_parameters(arm, [GUST]), 3, 99)
+    share = neglected(arm, found)
+    assert share == pytest.approx((0.01 * 8 / 0.5) ** 2, rel=0.1)
+    trial = CandidateTrial(scored(NOTHING, np.ones(3)), found, None, 0.0, neglected=share)
+    assert replace(trial, fits=0.4 * share).within_neglect  # removes 0.8 of it
+    assert not replace(trial, fits=0.6 * share).within_neglect
+    assert not replace(trial, neglected=0.0).within_neglect  # without any before it

@@ -70,6 +70,22 @@ def fitted(arm, last):
     return fit(arm, every(), start, free_parameters(arm, [GUST]), 3, 99, rounds=8 * last)
 
 
+def test_short_differences_tell_nothing_of_a_factor_that_all_share(pulled):
+    """What long ones are off by passes for more than the priors know of it."""
+    start, free = (
+        ParameterVector(np.zeros(2), {GUST: np.array([FORCE])}),
+        free_parameters(pulled, [GUST]),
+    )
+    together = np.array([1.0, 1.0, FORCE])
+    told = []
+    for step in (0.1, 0.001):
+        declared = tuple(replace(each, step=step * PRIOR) for each in pulled.declared)
+        begun = fit(replace(pulled, declared=declared), every(), start, free, 1, 99, steps=0)
+        along = np.tensordot(together, begun.jacobian.astype(float), 1)
+        told.append((along**2).sum() / begun.variance_inflation)
+    assert told[0] > 1000 * (2 / PRIOR**2) and told[1] < 2 / PRIOR**2
+
+
 def test_a_fit_goes_along_what_moves_nothing_until_its_priors_stop_it(pulled):
     """Against a general minimiser, which starts at the truth."""
     found = fitted(pulled, True)

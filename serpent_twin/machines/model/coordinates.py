@@ -1,7 +1,7 @@
 """List the numbers of a model that calibration fits, and write them into its spec."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import mujoco
@@ -27,6 +27,10 @@ from serpent_twin.units import TO_SI
 
 _ZERO, _SCALE = 0.01, 0.05
 """Prior of a drive's zero, of its control's range; of the logarithm of the drives' scale"""
+_IN_MOTION = 0.001
+"""Finite difference of a motion, of a prior, where others are a tenth: a motion is smooth enough. What longer
+ones are off by passes for information on what all forces share, fifty times what is known of it before
+"""
 _FARTHEST = float(np.log(1000.0))
 """Of a number whose logarithm is fitted, how far it is taken: engines know no body of hardly any mass"""
 _TURNED, _SHIFTED = 5.0, 20.0
@@ -64,7 +68,13 @@ class FittedNumber:
 
 def coordinates(machine: Described) -> tuple[FittedNumber, ...]:
     """The coordinates of the fit that data of this kind can move."""
-    return (*_drives(machine), *_numbers(machine), *_readings(machine), *_cameras(machine))
+    found = (*_drives(machine), *_numbers(machine), *_readings(machine), *_cameras(machine))
+    if machine.about.rows != MOTION:
+        return found
+    return tuple(
+        replace(each, declared=replace(each.declared, step=_IN_MOTION * each.declared.prior))
+        for each in found
+    )
 
 
 def _drives(machine: Described) -> Iterator[FittedNumber]:
