@@ -280,6 +280,8 @@ def full_fit(
     """
     names = [*base.point.effects, found.name]
     starts = _starts(case.candidates[found.name], found.start)
+    if case.candidates[found.name].variants[1:]:
+        starts.append(found.tried)  # of several one is near, and the guess goes on straight from it
     points = [base.point.having(found.name, values) for values in starts]
     some = case.take(pieces, base.used)
     for timestep in (case.coarse_step(points), None):

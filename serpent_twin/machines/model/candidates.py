@@ -35,6 +35,10 @@ force that moves a joint
 """
 _LIGHT = 0.01
 """Share of the whole mass that a place is taken to carry at least"""
+_LIMITED = (1.0, 0.5, 0.25)
+"""Times the usual force's reciprocal, of the limits whose scores are told: far below what is there one stalls
+the joint, and above it does nothing
+"""
 _LATE = 1 / 3
 """Of a segment's lead, by which a reading may be late"""
 _MOST_DOFS = 3
@@ -210,7 +214,9 @@ def _weak(machine: Described, sized: Sizes) -> Iterator[Candidate]:
             usual = float(sized.force[model.jnt_dofadr[joint]]) / abs(model.actuator_gear[n, 0])
             limit = sized_range("force_limit", "reciprocal", 1 / usual)
             of = of_joint(model, joint, limit)
-            yield candidate(f"force_limit@{each.actuator}", reciprocal=of)
+            found = candidate(f"force_limit@{each.actuator}", reciprocal=of)
+            several = tuple(by * found.variants[0] for by in _LIMITED)
+            yield replace(found, variants=several)
 
 
 def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
