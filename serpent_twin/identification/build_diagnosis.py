@@ -190,7 +190,7 @@ def estimates(
         if within := undetermined.get((name, k)):
             low, high = -within, within
         low, high = max(low, allowed.low), min(high, allowed.high)
-        determined = not within and high - low < _NARROWER * (allowed.high - allowed.low)
+        determined = not within and bool(high - low < _NARROWER * (allowed.high - allowed.low))
         known = determined or not allowed.fitted
         out[parameter] = ParameterEstimate(value, low, high, allowed.unit, known)
     return out

@@ -98,7 +98,8 @@ def fit(
         at, jacobian = weak_steps.follow(problem, at, jacobian, rounds, on_progress)
     at = problem.exact(at)
     inflation, noise = problem.variance_inflation, case.noise
-    error, correlation = standard_errors(jacobian, at.residual, inflation, problem.prior)
+    told = (jacobian, at.residual, inflation, problem.prior)
+    error, correlation = standard_errors(*told, weak=bool(rounds))
     if steps > 0 and free.effects:
         late = np.abs(between(begun, at.point, free) / error)[len(free.declared) :]
         settled = settled or bool((late < _STILL).all())

@@ -14,6 +14,12 @@ from serpent_twin.machines.case import Case
 _ALONE = 0.1
 """No segment is left out along a direction of which the others hold less than this share of the information
 """
+_IDEALISED = 0.005
+"""Part of a residual's squares that counts as one beside what a twin idealises, as much as a number that is
+off by its prior
+"""
+_LEAST = 25.0
+"""Times as many numbers of a residual count as one at least, where segments disagree"""
 _SHARED = 1 / 3
 """Variance of what is wrong with a twin in all segments alike, in variances of what is wrong with it in one
 alone: as found on arms whose true parts are known
@@ -21,7 +27,12 @@ alone: as found on arms whose true parts are known
 
 
 def standard_errors(
-    jacobian: Array, residual: Array, each: float, prior: Array, shared: float = 0.0
+    jacobian: Array,
+    residual: Array,
+    each: float,
+    prior: Array,
+    shared: float = 0.0,
+    weak: bool = False,
 ) -> tuple[Array, Array]:
     """Standard errors, (m,), and correlations of m free parameters, from a derivative, (m, S, n), a residual,
     (S, n), of which so many numbers count as one, and the priors' information.
@@ -32,7 +43,8 @@ def standard_errors(
     jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169), but not along a direction that it
     alone tells, in which the others predict nothing. Where they disagree more than independent numbers would,
     the twin lacks something, of which `shared` is what is wrong in all segments alike, as a multiple of the
-    variance in one.
+    variance in one. None is greater than its prior's; nor, where `weak` directions were followed by what a
+    twin idealises, than if as many numbers counted as one.
     """
     # Single precision would lose parameters of which priors alone say anything.
     told = [part.astype(float) @ part.T.astype(float) / each for part in jacobian.swapaxes(0, 1)]
@@ -57,7 +69,16 @@ def standard_errors(
         between += shared * segments * np.maximum(0.0, between - chance)
     between *= (float(scipy.special.stdtrit(segments - 1, 0.975)) / NORMAL_95) ** 2
     own = covariance**2 @ prior  # what the priors leave uncertain, were the data exact
-    return np.maximum(error, np.minimum(np.sqrt(between + own), prior**-0.5)), correlation
+    most = prior**-0.5
+    if weak:
+        share = each / max(idealised(residual), _LEAST * each)
+        most = np.sqrt(np.diag(_inverse(share * data + weight)))
+    return np.maximum(error, np.minimum(np.sqrt(between + own), most)), correlation
+
+
+def idealised(residual: Array) -> float:
+    """How many numbers of a residual count as one beside what a twin idealises."""
+    return _IDEALISED * float((residual.astype(float) ** 2).sum())
 
 
 def stated(case: Case[Any], found: Fit) -> Fit:
@@ -66,7 +87,8 @@ def stated(case: Case[Any], found: Fit) -> Fit:
     """
     prior = prior_information(case, found.free)
     about = (found.jacobian, found.residual, found.variance_inflation, prior)
-    return replace(found, error=np.maximum(found.error, standard_errors(*about, _SHARED)[0]))
+    weak = bool(case.weak_rounds)
+    return replace(found, error=np.maximum(found.error, standard_errors(*about, _SHARED, weak)[0]))
 
 
 def _left_out(root: Array, part: Array, pull: Array) -> Array:
