@@ -1,4 +1,4 @@
-"""Select candidate effects by a score test, and fit the selected ones fully."""
+"""Score candidate effects to first order, and select those that are fitted fully."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,9 +11,8 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range, place_of
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters, steadied
+from serpent_twin.identification.free_parameters import steadied
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -31,7 +30,6 @@ _LIKE_THE_BEST, _AT_LEAST = 0.03, 0.005
 what removes less would not be accepted in its place either"""
 _AT_ONE_PLACE = 0.8
 """Of what another candidate removes that it can be confused with, at the same place"""
-_DERIVATIVES = 2
 _SHOWS = 0.003
 """Share of the residual's squares from which a candidate's places are tried: one cable of ten shows by about
 a tenth in what all change"""
@@ -41,11 +39,6 @@ _CLEARLY = 1.05
 """Times the share of a place that one within it must remove: where only one strand of a cable pulls, it and
 the cable look alike
 """
-_ASLEEP, _SCANNED = 0.01, 10
-"""Noise by which a law changes no number of a residual where it does nothing; strengths that are tried then
-"""
-_WEAK = 0.03
-"""Share of the strength that a score test finds, from which a full fit begins where no other is stable"""
 
 
 @dataclass(frozen=True)
@@ -265,80 +258,12 @@ def _outshone(one: Score, scores: Sequence[Score], candidates: Mapping[str, Cand
     )
 
 
-def full_fit(
-    case: Case[Any],
-    pieces: Any,
-    base: Fit,
-    found: Score,
-    on_progress: OnProgress,
-    near: float = np.inf,
-    afresh: bool = False,
-) -> Fit:
-    """A candidate fitted together with all declared parameters, from the best of a few strengths. It must
-    come below the cost `near` with its first derivative for a second one. Derivatives by the declared
-    parameters are the base's, or are taken afresh.
-    """
-    names = [*base.point.effects, found.name]
-    starts = _starts(case.candidates[found.name], found.start)
-    if case.candidates[found.name].variants[1:]:
-        starts.append(found.tried)  # of several one is near, and the guess goes on straight from it
-    points = [base.point.having(found.name, values) for values in starts]
-    some = case.take(pieces, base.used)
-    for timestep in (case.coarse_step(points), None):
-        left = case.residual(points, some, timestep)
-        cost = np.nansum(left**2, axis=(1, 2))
-        if (stable := cost > 0).any():
-            start = points[int(np.argmin(np.where(stable, cost, np.inf)))]
-            if stable.all() and np.ptp(left, axis=0).max() < _ASLEEP:
-                start = _awake(case, some, base, found)
-            break
-    else:
-        weak = times_strength(case.candidates[found.name], found.start, _WEAK)
-        start = base.point.having(found.name, weak)
-    free = free_parameters(case, names)
-    about = {"known": base, "near": near, "afresh": afresh}
-    return fit(case, pieces, start, free, _DERIVATIVES, 1, on_progress, **about)
-
-
-def _awake(case: Case[Any], some: Any, base: Fit, found: Score) -> ParameterVector:
-    """Where a fit begins of a law that does nothing at the strength of its score, such as a limit that is not
-    reached: at the best strength between that and the one that was tried, where it did something.
-    """
-    candidate, strong = case.candidates[found.name], strengths(case.candidates[found.name])
-    share = np.abs(found.start[strong]).max() / np.abs(found.tried[strong]).max()
-    factors = np.geomspace(min(share, 0.5), 1.5, _SCANNED)
-    for _ in range(2):
-        values = [times_strength(candidate, found.tried, by) for by in factors]
-        points = [base.point.having(found.name, each) for each in values]
-        cost = (case.residual(points, some) ** 2).sum(axis=(1, 2))
-        best = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
-        start, low, high = points[best], max(best - 1, 0), min(best + 1, len(factors) - 1)
-        factors = np.geomspace(factors[low], factors[high], _SCANNED)
-    return start
-
-
-def _starts(candidate: Candidate, values: Array) -> list[Array]:
-    """The score's guess, and smaller and larger ones; and what a strength is in the limit, if that is a law,
-    with smaller and larger values of what then matters.
-    """
-    ranges, strong = list(candidate.ranges.values()), strengths(candidate)
-    out = []
-    for factor in (0.3, 1.0, 2.0):
-        out.append(times_strength(candidate, values, factor))
-    if any(ranges[k].limit for k in strong):
-        limit = values.copy()
-        limit[strong] = [ranges[k].high for k in strong]
-        others = [k for k, each in enumerate(ranges) if each.fitted and k not in strong]
-        out += [_times(ranges, limit, others, factor) for factor in (0.5, 1.0, 2.0, 4.0)]
-    return out
-
-
 def times_strength(candidate: Candidate, values: Array, factor: float) -> Array:
     """A candidate's parameters with its strengths times a factor, within their ranges."""
-    return _times(list(candidate.ranges.values()), values, strengths(candidate), factor)
+    return times(list(candidate.ranges.values()), values, strengths(candidate), factor)
 
 
-def _times(ranges: Sequence[Range], values: Array, which: Sequence[int], factor: float) -> Array:
+def times(ranges: Sequence[Range], values: Array, which: Sequence[int], factor: float) -> Array:
     """Values with some of them times a factor, within their ranges."""
     out = values.copy()
     for k in which:

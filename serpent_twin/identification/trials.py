@@ -22,6 +22,7 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
+from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.gained import gained, happens_once
 from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.laws_to_fit import laws_to_fit, sensor_of
@@ -33,7 +34,6 @@ from serpent_twin.identification.score_test import (
     BESIDE_OTHERS,
     WORTH_A_FIT,
     Score,
-    full_fit,
     placed,
     scores,
     times_strength,

@@ -12,10 +12,11 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import opening_fit
 from serpent_twin.identification.fitted import fits_better
 from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.moved import moved
 from serpent_twin.identification.refitting import RefittingTracer
-from serpent_twin.identification.score_test import full_fit, scores
+from serpent_twin.identification.score_test import scores
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.identification.widened import leaving
 from serpent_twin.machines.machine import Declared

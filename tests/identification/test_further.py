@@ -10,9 +10,9 @@ from serpent_twin.identification import trials as tried
 from serpent_twin.identification.acceptance import CandidateTrial
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.score_test import full_fit
 from serpent_twin.machines.case import Stopwatch
 
 
