@@ -95,7 +95,7 @@ def fit(
         if (settled or at.cost > near) and (n or not carried):
             break
     if rounds:
-        at, jacobian = weak_steps.follow(problem, at, jacobian, rounds, on_progress)
+        at, jacobian, settled = weak_steps.follow(problem, at, jacobian, rounds, on_progress)
     at = problem.exact(at)
     inflation, noise = problem.variance_inflation, case.noise
     told = (jacobian, at.residual, inflation, problem.prior)

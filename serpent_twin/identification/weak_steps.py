@@ -45,16 +45,17 @@ def follow(
     jacobian: Array,
     rounds: int,
     on_progress: Callable[[str], None],
-) -> tuple[At, Array]:
+) -> tuple[At, Array, bool]:
     """A parameter vector from which no weak direction leads to a lower cost, after so many rounds at most,
-    and the Jacobian there. That is in double precision: rounding to single precision would give back part of
-    the false information.
+    the Jacobian there, and whether the last round moved it by less than half a standard error. The Jacobian
+    is in double precision: rounding to single precision would give back part of the false information.
     """
     inflation = problem.variance_inflation
     problem.variance_inflation = max(inflation, idealised(at.residual))
     at = replace(at, cost=problem.cost(at.residual, at.point))
     width = _widths(problem.case, problem.free, at.point)
     scaled = jacobian.reshape(len(width), -1).astype(float) * width[:, None]
+    gained = np.inf
     for n in range(rounds):
         on_progress(
             f"what numbers can hardly tell apart, round {n + 1} of {rounds}: cost {at.cost:.0f}"
@@ -66,7 +67,7 @@ def follow(
             break
     problem.variance_inflation = inflation
     at = replace(at, cost=problem.cost(at.residual, at.point))
-    return at, (scaled / width[:, None]).reshape(jacobian.shape)
+    return at, (scaled / width[:, None]).reshape(jacobian.shape), gained < 2 * _WORTH
 
 
 def _differentiated(problem: Objective, at: At, scaled: Array, width: Array) -> Array:
