@@ -25,6 +25,7 @@ class FreePlay(Effect):
     places: ClassVar[tuple[str, ...]] = ("actuator",)
     shows_in: ClassVar[str] = "joints that fall or swing a little where their load changes sign"
     confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "joint_elasticity")
+    simplified: ClassVar[float] = 0.05  # flanks give and bounce
 
     def act(self, moment: Moment, memory: None) -> None:
         """Take up the gap."""
