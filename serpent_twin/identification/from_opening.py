@@ -19,8 +19,10 @@ from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
-_FITTED = 3
-"""Candidates that are fitted"""
+_FITTED, _MOST, _TIED = 3, 5, 0.85
+"""Candidates that are fitted; as many as this of those that remove nearly as much as the best, to first order,
+which is rough where nothing is calibrated
+"""
 BEHIND = 2.0
 """Times the least cost by the same weights, above which a fit is gone on with no further"""
 HOPELESS = 100.0
@@ -65,7 +67,9 @@ def from_opening(
     case, begun = opening
     found = trials.placed(stage, case, begun, trials.scores(stage, case, begun, names))
     out = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
-    chosen = worth_fitting(list(found.values()), case.candidates)[:_FITTED]
+    ranked = worth_fitting(list(found.values()), case.candidates, most=_MOST)
+    least = _TIED * max((found[name].share for name in ranked), default=0.0)
+    chosen = [n for k, n in enumerate(ranked) if k < _FITTED or found[n].share > least]
     if not chosen:
         return out
     weighed, begun = weighed_by_left(case, begun, list(found.values()))
