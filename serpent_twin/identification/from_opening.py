@@ -20,8 +20,8 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _FITTED, _MOST, _TIED = 3, 5, 0.85
-"""Candidates that are fitted; as many as this of those that remove nearly as much as the best, to first order,
-which is rough where nothing is calibrated
+"""Candidates that are fitted; as many as this of those that remove nearly as much as the best, to first
+order, which is rough where nothing is calibrated
 """
 BEHIND = 2.0
 """Times the least cost by the same weights, above which a fit is gone on with no further"""

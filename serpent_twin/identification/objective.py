@@ -24,8 +24,6 @@ _SINGLE = 1e-5
 """Of a normal matrix of derivatives in single precision, what may be rounding"""
 _DAMPINGS = (0.3, 3.0)
 """Levenberg's, tried where the step without is no improvement; from then on beside it"""
-_FAIR = 0.25
-"""Share of the improvement that a step promises, below which others are tried beside it"""
 _SHORTER = (0.5, 0.2)
 """Shares of the step, tried then too: where a residual bends along it, they get much further than damping"""
 
@@ -135,10 +133,10 @@ class Objective:
         return self._anchored(start, residual), out
 
     def step(self, at: At, jacobian: Array) -> At | None:
-        """Gauss-Newton's step; if that improves a quarter of what it should at most, the best of it, half
-        of it, half of the one in which strengths change by factors, one with Levenberg's damping and the one
-        that answers to what is new alone; then of shorter and more damped ones; or nothing. From then on the
-        first few are tried side by side, up to the next derivative.
+        """Gauss-Newton's step; if that is no improvement, the best of half of it, half of the one in which
+        strengths change by factors, one with Levenberg's damping and the one that answers to what is new
+        alone; then of shorter and more damped ones; or nothing. From then on the first few are tried side by
+        side, up to the next derivative.
         """
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
@@ -146,8 +144,6 @@ class Objective:
         pull -= self.prior * self.lean(at.point)
         ends = room(self.case, at.point, self.free)
         plain = least(normal, pull, *ends)
-
-        promised = float(2 * pull @ plain - plain @ normal @ plain)
 
         def after(*steps: Array) -> list[ParameterVector]:
             return [moved(self.case, at.point, self.free, step) for step in steps]
@@ -167,20 +163,15 @@ class Objective:
         first = (
             (lambda: [*after(plain), *second()],) if self.damped else (lambda: after(plain), second)
         )
-        best = at
         for group in (*first, third):
             tried = group()
             self.damped = len(tried) > 1
             found = self.residuals(tried)
-            several = (
-                At(there, each, self.cost(each, there))
-                for each, there in zip(found, tried, strict=True)
-            )
-            best = min((best, *several), key=lambda each: each.cost)
-            enough = 0.0 if self.damped else _FAIR * promised
-            if at.cost - best.cost > enough:
-                break
-        return None if best is at else best
+            costs = [self.cost(each, there) for each, there in zip(found, tried, strict=True)]
+            best = int(np.argmin(costs))
+            if costs[best] < at.cost:
+                return At(tried[best], found[best], costs[best])
+        return None
 
     def _left_by(self, known: Fit | None) -> Array:
         """What still pulled at the declared parameters where the known fit ended, since no step along it gave
