@@ -56,6 +56,10 @@ _NOT_NOISE = 20.0
 """Times the measurement's noise, from which that has no part in an error"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
+_HALF, _BY_A_FIT = 0.5, 4.0
+"""Share of what is left that effects may neglect, from which it counts as little; and how many times as much
+a full fit removes as its score says, at most
+"""
 _REWEIGHTED = 4
 """Most fits with new weights"""
 _RIVALS = 2
@@ -192,16 +196,18 @@ class Trials:
         return case, begun
 
     def _worth_a_fit(self, case: Case[Any], begun: Fit, before: Errors) -> float:
-        """Share of the residual that a candidate must remove: more, where the effects found left little."""
-        if begun.point.effects and self.little(case, begun, before):
-            return BESIDE_OTHERS
-        return WORTH_A_FIT
+        """Share of the residual that a candidate must remove to first order: more, where the effects found
+        left little, or may neglect much of it.
+        """
+        beside = begun.point.effects and self.little(case, begun, before)
+        least = BESIDE_OTHERS if beside else WORTH_A_FIT
+        return max(least, neglected(case, begun) / _BY_A_FIT)
 
     def little(self, case: Case[Any], found: Fit, left: Errors) -> bool:
         """Whether a fit's held-out errors are hardly more than the measurement's noise, or than its own if it
-        lacked nothing; or whether its effects may neglect all that is left.
+        lacked nothing; or whether its effects may neglect half of what is left.
         """
-        if neglected(case, found) >= 1:
+        if neglected(case, found) >= _HALF:
             return True
         noise = noise_alone(case, self.held_out)
         if not LITTLE * noise < left.marker < _NOT_NOISE * noise:
