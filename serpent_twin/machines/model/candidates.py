@@ -35,6 +35,10 @@ force that moves a joint
 """
 _LIGHT = 0.01
 """Share of the whole mass that a place is taken to carry at least"""
+_RUBS_MOST = 10.0
+"""Times the usual force of a joint in the model, of its friction at most: the model has none, and a carriage
+that weighs little may rub more than its motion takes
+"""
 _LIMITED = (1.0, 0.5, 0.25)
 """Times the usual force's reciprocal, of the limits whose scores are told: far below what is there one stalls
 the joint, and above it does nothing
@@ -155,6 +159,7 @@ def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:
         if machine.about.rows == MOTION:
             force, rate = float(sized.force[dof]), float(sized.rate[dof])
             coulomb = of("hinge_friction", "coulomb", _RUBS * force)
+            coulomb = replace(coulomb, high=_RUBS_MOST * force)
             viscous = of("hinge_friction", "viscous", _RUBS * force / rate)
             yield candidate(f"hinge_friction@{name}", coulomb=coulomb, viscous=viscous)
             if ("joint", name) in driven:
