@@ -96,16 +96,10 @@ def first_picture(comparison: Comparison) -> Figure:
 
 def _furthest(comparison: Comparison) -> str:
     """The session whose channels differ most, each beside what it differs in all sessions."""
-    pairs = (
-        (comparison.marker_measured, comparison.marker_predicted),
-        (comparison.load_measured, comparison.load_predicted),
-    )
     names = list(dict.fromkeys(comparison.session))
     found = np.zeros(len(names))
-    for measured, predicted in pairs:
-        if measured is None or predicted is None:
-            continue
-        squares = ((measured - predicted) ** 2).reshape(*measured.shape[:2], -1)
+    for residual in (comparison.marker_residual, comparison.load_residual):
+        squares = (residual**2).reshape(*comparison.time.shape, -1)
         each = np.array([_mean(squares[np.array(comparison.session) == name]) for name in names])
         found += np.nan_to_num(each / np.maximum(_mean(squares), 1e-300)).sum(axis=1)
     return names[int(np.argmax(found))]

@@ -68,10 +68,10 @@ def from_opening(
     found = trials.placed(stage, case, begun, trials.scores(stage, case, begun, names))
     out = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
     ranked = worth_fitting(list(found.values()), case.candidates, most=_MOST)
-    least = _TIED * max((found[name].share for name in ranked), default=0.0)
-    chosen = [n for k, n in enumerate(ranked) if k < _FITTED or found[n].share > least]
-    if not chosen:
+    if not ranked:
         return out
+    tied = _TIED * max(found[name].share for name in ranked)
+    chosen = [n for k, n in enumerate(ranked) if k < _FITTED or found[n].share > tied]
     weighed, begun = weighed_by_left(case, begun, list(found.values()))
     cheap, least, fits = derives_cheaply(case), np.inf, dict[str, Fit]()
     for name in chosen:

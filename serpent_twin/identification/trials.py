@@ -249,9 +249,9 @@ class Trials:
             among = len(chosen) + len(known)
             trial = self.judged(case, scores[pair.names[0]], base, fitted, before, among)
             assert trial.gain
-            why = NEGLECTED if trial.within_neglect else ""
             both = {name: known[name] for name in pair.names}
-            why = why or weakness_of_fit(fitted, trial.gain, both)
+            weak = weakness_of_fit(fitted, trial.gain, both)
+            why = NEGLECTED if trial.within_neglect else weak
             out.append(PairTrial(pair, trial, why))
         return tuple(out)
 

@@ -6,8 +6,9 @@ its finite difference, a few per cent, passes for information on the combination
 happened to come in, and its standard errors are too small. So the residual is differentiated along these
 combinations themselves, by central differences, and the fit follows them and its priors to the end.
 
-No twin is exact, and thousands of rows weigh what it idealises as if it were told by each: a time step of a
-millisecond is enough to prefer forces a third too small. So a part of the squares counts as one there.
+No twin is exact, and its simplifications add up over thousands of rows as if they were information: a time
+step of a millisecond is enough to prefer forces that are a third too small. Along these directions, the data
+therefore weigh less: half a percent of the residual's squares counts as one.
 """
 
 from collections.abc import Callable

@@ -15,7 +15,7 @@ from serpent_twin.residual.measure import ANGLE, LOADS, MARKERS, Measure
 
 Array = NDArray[np.floating[Any]]
 _LONG = 256
-"""Rows, of segments over which spectra and correlations in time are told"""
+"""Least rows of the segments from which spectra and correlations in time are computed"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,5 +72,5 @@ def read(path: Path, advice: str = "") -> DataTable:
 
 def otherwise(path: Path) -> str:
     """What a file is that is no table, and what to do, without a full stop."""
-    known = f"is no table that is known: their names end in {', '.join(ENDINGS)}, texts also in .gz"
+    known = f"is no table that can be read: names of tables end in {', '.join(ENDINGS)}, texts also in .gz"
     return _OTHERWISE.get(ending(path), known)

@@ -36,12 +36,12 @@ force that moves a joint
 _LIGHT = 0.01
 """Share of the whole mass that a place is taken to carry at least"""
 _RUBS_MOST = 10.0
-"""Times the usual force of a joint in the model, of its friction at most: the model has none, and a carriage
-that weighs little may rub more than its motion takes
+"""Greatest friction of a joint, in multiples of the force that moves it in the model: the friction of a light
+carriage may be greater than the force that its motion takes without friction
 """
 _LIMITED = (1.0, 0.5, 0.25)
-"""Times the usual force's reciprocal, of the limits whose scores are told: far below what is there one stalls
-the joint, and above it does nothing
+"""Multiples of the reciprocal of the usual force, at which a force limit is scored: a limit far below the
+forces of the logs stalls the joint, and one above them does nothing
 """
 _LATE = 1 / 3
 """Of a segment's lead, by which a reading may be late"""
