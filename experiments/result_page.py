@@ -1,7 +1,8 @@
-"""Write the pages of docs/results/ from what the measuring commands stored.
+"""Write the pages of docs/results/, and reports of runs, from what the measuring commands stored.
 
-A command that measures is a package with a module `result_page`; its function of that name makes the page out
-of its results. These lie beside the page, as JSON, and this command writes the page again from them alone.
+A command that measures is a package with a module `result_page`; its function of that name lays out its
+results. From this one layout come the page, with the results beside it as JSON, and the run's report. This
+command writes pages again from the results beside them alone.
 """
 
 import importlib
@@ -17,6 +18,7 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
+from serpent_twin.reporting import report
 from serpent_twin.reporting.report import Figure, Section, as_png, sections_in_markdown
 from serpent_twin.runs.files import json_text, write_json, write_whole
 from serpent_twin.runs.provenance import provenance
@@ -37,6 +39,8 @@ class PageContent:
     """What was measured"""
     sections: tuple[Section, ...]
     """Text, tables and figures"""
+    lead: str = ""
+    """What was found, in a sentence or two; on reports alone"""
 
 
 @dataclass(frozen=True)
@@ -80,8 +84,7 @@ def publish(results: Mapping[str, Any], page: Path | None) -> None:
     if page is None:
         return
     page.parent.mkdir(parents=True, exist_ok=True)
-    made = _made(results)
-    blocks = [block for section in made.sections for block in section.blocks]
+    blocks = [block for section in _made(results).sections for block in section.blocks]
     for figure in (block for block in blocks if isinstance(block, Figure)):
         (page.parent / "figures").mkdir(exist_ok=True)
         write_whole(page.parent / "figures" / f"{figure.name}.png", as_png(figure.drawing))
@@ -89,20 +92,37 @@ def publish(results: Mapping[str, Any], page: Path | None) -> None:
     write_whole(page, markdown(results))
 
 
+def write_report(results: Mapping[str, Any], out: Path, *more: Section) -> str:
+    """Write the report of some results, with more sections; returns where it is, and its lead."""
+    page = _made(results)
+    made = report.Report(page.title, page.lead, (*page.sections, *more), _head(page, results))
+    return f"{report.write(made, out)}: {page.lead}"
+
+
 def markdown(results: Mapping[str, Any]) -> str:
     """The page of some results."""
     page = _made(results)
-    versions = ", ".join(f"{name} {number}" for name, number in results["versions"].items())
-    head = {
-        "command": f"`{page.command}`",
-        "data": page.data,
-        "measured": f"{results['date']}, commit {results['git_commit']}",
-        "versions": versions,
-    }
+    head = _head(page, results) | {"command": f"`{page.command}`"}
     rows = "\n".join(f"| {name} | {text} |" for name, text in head.items())
     return (
         f"# {page.title}\n\n| | |\n| --- | --- |\n{rows}\n\n{sections_in_markdown(page.sections)}\n"
     )
+
+
+def failures(title: str, results: Mapping[str, Any]) -> tuple[Section, ...]:
+    """A section with a paragraph for each trial that failed; none where all succeeded."""
+    told = [f"{name}: {why}" for name, why in results["failed"].items()]
+    return (Section(title, "\n\n".join(told)),) if told else ()
+
+
+def _head(page: PageContent, results: Mapping[str, Any]) -> dict[str, str]:
+    """Where a page's numbers come from."""
+    return {
+        "command": page.command,
+        "data": page.data,
+        "measured": f"{results['date']}, commit {results['git_commit']}",
+        "versions": ", ".join(f"{name} {number}" for name, number in results["versions"].items()),
+    }
 
 
 def left_on(page: Path | None) -> dict[str, Any]:

@@ -7,9 +7,9 @@ import numpy as np
 
 from experiments.any_model.score import WITHIN, Row, covered, off, right, told, undecided
 from experiments.any_model.trial import CLEAN, COMPOSED
-from experiments.result_page import PageContent
+from experiments.result_page import PageContent, failures
 from serpent_twin.effects import law_of
-from serpent_twin.identification.figures import spaced
+from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section, Table
 
@@ -34,8 +34,6 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     sessions = counted(settings["sessions"], "session")
     told = [_TEXT.format(sessions=sessions)]
     told += [_COMPOSED] * any(law_of(row["name"]) in COMPOSED for row in rows)
-    failures = [f"{name}: {why}" for name, why in results["failed"].items()]
-    failed = [Section("Not traced", "\n\n".join(failures))] if failures else []
     return PageContent(
         "Any model",
         command,
@@ -43,7 +41,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         (
             Section("", "\n\n".join(told), (_rates(rows),)),
             Section("Machines", "", (_machines(rows),)),
-            *failed,
+            *failures("Not traced", results),
         ),
     )
 
@@ -54,39 +52,34 @@ def _rates(rows: list[Row]) -> Table:
     found = [row for row in faulty if told(row)]
     alone = [row for row in faulty if right(row) and len(row["named"]) == 1]
     near = [row for row in found if off(row) <= WITHIN]
-    inside = [row for row in found if covered(row)]
-    lines = (
-        ("nothing named where nothing is", f"{sum(map(right, clean))} of {len(clean)}"),
-        ("the fault named first, at its place", f"{sum(map(right, faulty))} of {len(faulty)}"),
-        ("the fault named, and nothing else", f"{len(alone)} of {len(faulty)}"),
-        (
-            "among those said to be not told apart from what is named first",
-            f"{sum(map(undecided, faulty))} of {len(faulty)}",
+    several = {
+        "nothing named where nothing is": (clean, filter(right, clean)),
+        "the fault named first, at its place": (faulty, filter(right, faulty)),
+        "the fault named, and nothing else": (faulty, alone),
+        "among those said to be not told apart from what is named first": (
+            faulty,
+            filter(undecided, faulty),
         ),
-        (f"strength within {100 * WITHIN:.0f} %", f"{len(near)} of {len(found)}"),
-        ("strength inside its 95 % interval", f"{len(inside)} of {len(found)}"),
-        (
-            "median of a trace's time on one core",
-            f"{np.median([r['seconds'] for r in rows]):.0f} s",
-        ),
-    )
-    return Table(("measure", "machines"), lines)
+        f"strength within {100 * WITHIN:.0f} %": (found, near),
+        "strength inside its 95 % interval": (found, filter(covered, found)),
+    }
+    lines = [(name, f"{len([*some])} of {len(of)}") for name, (of, some) in several.items()]
+    seconds = f"{np.median([row['seconds'] for row in rows]):.0f} s"
+    lines.append(("median of a trace's time on one core", seconds))
+    return Table(("measure", "machines"), tuple(lines))
 
 
 def _machines(rows: list[Row]) -> Table:
-    lines = tuple(
-        (
-            spaced(row["model"]),
-            spaced(row["name"]),
-            ", ".join(f"{v:.3g}" for v in row["true"].values()),
+    columns = {
+        "model": lambda row: spaced(row["model"]),
+        "fault": lambda row: spaced(row["name"]),
+        "strength": lambda row: ", ".join(f"{v:.3g}" for v in row["true"].values()),
+        "named": lambda row: (
             ", ".join(map(spaced, row["named"]))
-            or ("unexplained" if row["unexplained"] else "nothing"),
-            told(row),
-            f"{row['seconds']:.0f}",
-        )
-        for row in rows
-    )
-    head = ("model", "fault", "strength", "named", "strength found", "seconds")
-    return Table(
-        head, lines, "In brackets, 95 % intervals; strengths in SI units, of a force along x, y, z."
-    )
+            or ("unexplained" if row["unexplained"] else "nothing")
+        ),
+        "strength found": told,
+        "seconds": "{seconds:.0f}",
+    }
+    note = "In brackets, 95 % intervals; strengths in SI units, of a force along x, y, z."
+    return Table.of(rows, columns, note)

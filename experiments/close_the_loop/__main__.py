@@ -12,15 +12,15 @@ from typing import Annotated, Any
 
 from tqdm import tqdm
 
-from experiments.close_the_loop.page import page, table
 from experiments.close_the_loop.picture import picture
-from experiments.result_page import left_on, publish, store
+from experiments.close_the_loop.result_page import table
+from experiments.result_page import left_on, publish, store, write_report
 from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
-from serpent_twin.reporting.report import text_table, write
+from serpent_twin.reporting.report import Section, text_table
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import session_files
@@ -70,8 +70,8 @@ def main(config: CloseTheLoop) -> None:  # noqa: D103 tyro would print it above 
             "settings": _settings(config, folders),
         }
         results = store(config.out / "results.json", "experiments.close_the_loop", figures)
-        report = page(results, shown.figure if shown else None)
-        print(f"{write(report, config.out)}: before and after. {report.lead}")
+        more = [Section("One moment", "", (shown.figure,))] if shown else []
+        print(write_report(results, config.out, *more))
     publish(_beside_earlier(results, left_on(config.page)), config.page)
 
 

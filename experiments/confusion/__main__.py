@@ -14,16 +14,15 @@ from typing import Any
 from experiments.confusion.arm_line import add, line_of
 from experiments.confusion.arms import planned
 from experiments.confusion.config import Confusion
-from experiments.confusion.page import page
 from experiments.confusion.plan import Trial, chosen
-from experiments.confusion.score import called, quantity, right, scores
+from experiments.confusion.result_page import called_all, pictures, strengths_told
+from experiments.confusion.score import right, scores
 from experiments.confusion.trial import run_before
-from experiments.result_page import publish, store
+from experiments.result_page import publish, store, write_report
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import write
 from serpent_twin.runs.run_lock import claimed
 
 SETTINGS = "confusion.json"
@@ -59,12 +58,11 @@ def _trials(config: Confusion) -> list[Trial]:
 
 def _line(row: dict[str, Any]) -> str:
     verdict = "right" if right(row) else "WRONG"
-    strengths = ", ".join(quantity(e["strength"], e["unit"]) for e in row["truth"]["effects"])
     error = row["error_mm"]
     course = f"{error['nominal']:.1f} → {error['calibrated']:.2f} → {error['corrected']:.2f} mm"
-    what = " + ".join(e["name"] for e in row["named"]) or called(row)
     return (
-        f"{verdict}  {row['name']:36} {strengths:22} → {what:36} {course}, {row['seconds']:.0f} s"
+        f"{verdict}  {row['name']:36} {strengths_told(row):22} → {called_all(row):36} {course}, "
+        f"{row['seconds']:.0f} s"
     )
 
 
@@ -86,15 +84,7 @@ def _publish(
     figures["asked"] = {"rounds": config.rounds, "only": list(config.only)}
     figures["rows"] = [{name: row[name] for name in KEPT} for row in rows]
     figures = store(config.out / "results.json", "experiments.confusion", figures)
-    facts = {name: str(value) for name, value in settings.items()}
-    facts |= {
-        "commit": str(figures["git_commit"]),
-        "not run": str(len(missing)),
-        "failed": str(len(failed)),
-    }
-    report = page(rows, figures, facts)
-    print(report.lead)
-    print(f"{write(report, config.out)}: the table and the figures.")
+    print(write_report(figures, config.out, *pictures(rows)))
     publish(figures, config.page)
 
 

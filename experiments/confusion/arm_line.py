@@ -76,7 +76,7 @@ class ArmLine:
     """Of the trace"""
     worth: float
     """What the true law of a fault outside the catalogue would have been worth where laws were sought
-    [squared standard errors]; NaN where that was not computed"""
+    [squared standard errors], as earlier versions computed it; else NaN"""
     times_limit: float
     """Strength of its one effect of the catalogue, over the detection limit that was stated of it; NaN where
     none was"""

@@ -53,15 +53,11 @@ def _turned(link: int, size: float | None = None) -> list[Answer]:
     return [_answer(("link_turn",), (f"link{link}",), _THRESHOLDS, _CLOCK, size)]
 
 
-def strand_of(happened: Accident) -> str:
-    """The strand that an accident at one is about."""
-    return mjcf.STRANDS[2 * (happened.part % N_JOINTS) + happened.part // N_JOINTS]
-
-
 def of_accident(happened: Accident) -> list[Answer]:
     """The laws that are right for an accident of a bench arm."""
     part, clock, size = happened.part, _CLOCK, happened.strength
     motor, joint, load = f"motor{part}", f"joint{part}", f"motor{part}_load"
+    strand = mjcf.STRANDS[2 * (part % N_JOINTS) + part // N_JOINTS]
     own, steps = (f"motor angle of {motor}",), _THRESHOLDS
     last = int(part == N_JOINTS)  # a turn of it moves its one marker, and nothing else
     several: Mapping[str, list[Answer]] = {
@@ -69,7 +65,7 @@ def of_accident(happened: Accident) -> list[Answer]:
         "soft_stop": [
             _answer(("joint_torque",), (joint,), _RAMPS, (f"joint angle of {joint}",), size)
         ],
-        "loose_strand": [_answer(("slack",), (strand_of(happened),), steps, clock, size)],
+        "loose_strand": [_answer(("slack",), (strand,), steps, clock, size)],
         "slipped_winch": [_answer(("winch_angle",), (motor,), steps, clock, size)],
         "loose_gear": [_answer(("winch_angle",), (motor,), ("play",), own)],
         "encoder_wave": [_answer(("winch_angle",), (motor,), ("periodic",), own, size)],

@@ -6,12 +6,11 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from experiments.confusion.arms import SOURCES, Length, Truth, built
+from experiments.confusion.arms import SOURCES, Length, Truth
 from experiments.confusion.config import Confusion
 from experiments.confusion.parts import parts_held
-from experiments.confusion.plan import KNOWN, OUTSIDE, Trial
+from experiments.confusion.plan import KNOWN, Trial
 from experiments.confusion.stated_limits import limit_of, stated_limits
-from experiments.confusion.worth import TrueLaw, true_law, worth
 from experiments.result_rows import failed_row
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
@@ -35,7 +34,6 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         with (folder / "trace.log").open("a") as said, _quiet(said):
             traced = Trace((folder / "logs",), folder / "trace", seed=config.seed)
             found = trace(traced)
-            gain = worth(traced, law) if (law := _true_law(config, trial, length)) else None
             limits = stated_limits(found)
             for each in truth["effects"] if trial.kind == KNOWN else ():
                 limits[each["name"]] = limit_of(traced, each)
@@ -58,7 +56,6 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "seconds": found["seconds"],
         "git_commit": found["provenance"]["git_commit"],
         "recording_seconds": recorded,
-        "worth": gain,
         "limits": limits,
         "parts": _parts(config, found, truth),
     }
@@ -70,13 +67,6 @@ def _parts(config: Confusion, found: dict[str, Any], truth: Truth) -> tuple[int,
         return 0, 0
     share = parts_held(found["calibration"], truth)
     return share.count, share.of
-
-
-def _true_law(config: Confusion, trial: Trial, length: Length) -> TrueLaw | None:
-    """The law of a bench arm's fault that the catalogue lacks, if it has one."""
-    if config.source != "bench" or trial.kind != OUTSIDE:
-        return None
-    return true_law(trial.name, built(trial, length, config.seed)[1])
 
 
 @contextlib.contextmanager

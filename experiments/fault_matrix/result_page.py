@@ -24,16 +24,6 @@ LABELS = {
     "overload": "overload",
     "voltage": "low voltage",
 }
-HEADER = (
-    "fault",
-    "occurrences",
-    "rows",
-    "lost",
-    "wrong or stale",
-    "recoveries",
-    "marked rows",
-    "rest after kill -9, s",
-)
 _TEXT = """Every fault was run through {cycles} cycles of the whole collect loop at {rate_hz:g} Hz in
 real time, on the [emulator](../emulator.md). Each row of the log was compared, word for word, with the
 true state of the motors:"""
@@ -57,22 +47,23 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         paced=cycle["over_the_wire_at_1_mbd"]["median"],
         ratio=cycle["over_the_wire_at_1_mbd"]["times_its_bytes"],
     )
-    rows = tuple(_row(LABELS[name], row) for name, row in results["faults"].items())
     sections = (
-        Section("", _TEXT.format(**settings), (Table(HEADER, rows, _NOTES),)),
+        Section("", _TEXT.format(**settings), (_table(results["faults"]),)),
         Section("", times),
     )
     command = "python -m experiments.fault_matrix --out faults"
     return PageContent("Fault matrix", command, "a simulated device on a pseudo-terminal", sections)
 
 
-def _row(label: str, row: Mapping[str, Any]) -> tuple[str, ...]:
-    counts = (
-        sum(row["struck"].values()),
-        row["rows"],
-        row["rows_lost"],
-        row["rows_wrong"],
-        row["recoveries"],
-        row["rows_interrupted"],
-    )
-    return (label, *map(str, counts), f"{row['stop_s']:.2f}")
+def _table(faults: Mapping[str, Mapping[str, Any]]) -> Table:
+    columns = {
+        "fault": lambda row: LABELS[row["name"]],
+        "occurrences": lambda row: str(sum(row["struck"].values())),
+        "rows": "{rows}",
+        "lost": "{rows_lost}",
+        "wrong or stale": "{rows_wrong}",
+        "recoveries": "{recoveries}",
+        "marked rows": "{rows_interrupted}",
+        "rest after kill -9, s": "{stop_s:.2f}",
+    }
+    return Table.of(({"name": name} | dict(row) for name, row in faults.items()), columns, _NOTES)

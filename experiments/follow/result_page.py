@@ -1,6 +1,7 @@
 """Write how near arms keep to paths as a page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,8 @@ from experiments.follow.trial import (
     WEIGHED_LOADED,
     rms,
 )
-from experiments.result_page import PageContent
+from experiments.result_page import PageContent, failures
+from serpent_twin.arrays import Array
 from serpent_twin.following.picture import drawn
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
@@ -30,6 +32,7 @@ from serpent_twin.reporting.report import Figure, Section, Table
 
 _AIM = 3.0
 """[mm] rms"""
+_MEDIANS = "Error [mm rms], the median over the arms and, in brackets, the greatest."
 
 
 def result_page(results: Mapping[str, Any]) -> PageContent:
@@ -44,14 +47,10 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         "on a twin: the nominal one, or the arm's own. *Feedback* adds what the observer says that the "
         "joints lack."
     )
-    failures = [f"{name}: {why}" for name, why in results["failed"].items()]
-    failures += [
-        f"{row['id']}, {path}: {why}"
-        for row in rows
-        for path, why in row.get("refused", {}).items()
-    ]
+    refused = {
+        f"{row['id']}, {path}": why for row in rows for path, why in row.get("refused", {}).items()
+    }
     device = results.get("device")
-    told = [Section("Paths that were refused", "\n\n".join(failures))] if failures else []
     return PageContent(
         "Following paths",
         "python -m experiments.follow --study STUDY",
@@ -62,7 +61,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
             *([Section("Over the wire", _OVER_DEVICE, (device_table(device),))] if device else []),
             Section("A mass taken up on the way", _LOADED, (_loaded(rows),)),
             Section("Arms", "", (_arms(rows),)),
-            *told,
+            *failures("Paths that were refused", {"failed": results["failed"] | refused}),
         ),
     )
 
@@ -86,45 +85,44 @@ _OVER_DEVICE = (
 
 def device_table(found: Mapping[str, Any]) -> Table:
     """What was stated of each rate over the wire."""
-    lines = []
-    for rate, of in found.items():
-        if SLOW in of:
-            lines.append((rate, *"————", f"stopped: {of[SLOW]:.3g} steps a second"))
-            continue
-        late, marker, tip = (
-            of[key] for key in ("latency_ms", "marker9_error_mm", "tip_error_as_estimated_mm")
-        )
-        times = (f"{late[key]:.1f}" for key in ("median", "p99"))
-        missed = f"{of['missed_deadlines']} of {of['rows']}"
-        lines.append((rate, f"{marker['rms']:.1f}", f"{tip['rms']:.1f}", *times, missed))
-    return Table(
-        (
-            "Hz",
-            "marker 9 as measured [mm rms]",
-            "tip as estimated [mm rms]",
-            "reading to estimate [ms]",
-            "its 99th percentile [ms]",
-            "missed deadlines",
+
+    def unless_slow(form: str) -> Callable[[Mapping[str, Any]], str]:
+        return lambda of: "—" if SLOW in of else form.format_map(of)
+
+    columns = {
+        "Hz": "{rate}",
+        "marker 9 as measured [mm rms]": unless_slow("{marker9_error_mm[rms]:.1f}"),
+        "tip as estimated [mm rms]": unless_slow("{tip_error_as_estimated_mm[rms]:.1f}"),
+        "reading to estimate [ms]": unless_slow("{latency_ms[median]:.1f}"),
+        "its 99th percentile [ms]": unless_slow("{latency_ms[p99]:.1f}"),
+        "missed deadlines": lambda of: (
+            f"stopped: {of[SLOW]:.3g} steps a second"
+            if SLOW in of
+            else "{missed_deadlines} of {rows}".format_map(of)
         ),
-        tuple(lines),
-    )
+    }
+    return Table.of(({"rate": rate} | dict(of) for rate, of in found.items()), columns)
 
 
 def _by_path(rows: Sequence[Any]) -> Table:
     """Medians over the arms, and the greatest."""
-    lines = []
-    for path in PATHS:
-        errors = {way: rms(rows, path, way) for way in WAYS}
-        if not errors[MENDED].size:
-            continue
-        share = float(np.median(errors[MENDED] / errors[GEOMETRY]))
-        cells = (f"{np.median(e):.1f} ({e.max():.1f})" for e in errors.values())
-        lines.append((path, str(errors[MENDED].size), *cells, f"{share:.3f}"))
-    return Table(
-        ("path", "arms", *WAYS, "its twin to geometry"),
-        tuple(lines),
-        "Error [mm rms], the median over the arms and, in brackets, the greatest.",
-    )
+
+    def errors(path: str, way: str) -> Array:
+        return rms(rows, path, way)
+
+    columns = {
+        "path": str,
+        "arms": lambda path: str(errors(path, MENDED).size),
+        **{way: lambda path, way=way: _median_and_most(errors(path, way)) for way in WAYS},
+        "its twin to geometry": lambda path: (
+            f"{np.median(errors(path, MENDED) / errors(path, GEOMETRY)):.3f}"
+        ),
+    }
+    return Table.of((path for path in PATHS if errors(path, MENDED).size), columns, _MEDIANS)
+
+
+def _median_and_most(errors: Array) -> str:
+    return f"{np.median(errors):.1f} ({errors.max():.1f})"
 
 
 def _middle(rows: Sequence[Any]) -> Mapping[str, Any]:
@@ -172,38 +170,34 @@ def _said(rows: Sequence[Any]) -> str:
 
 
 def _rates(rows: Sequence[Any]) -> Table:
-    lines = []
-    for rate in RATES:
-        errors = np.array([row["rates"][f"{rate:g}"]["rms"] for row in rows])
-        took = np.median([row["rates"][f"{rate:g}"]["median_ms"] for row in rows])
-        lines.append(
-            (f"{rate:g}", f"{np.median(errors):.1f}", f"{errors.max():.1f}", f"{took:.1f}")
-        )
-    return Table(("Hz", "median [mm rms]", "greatest [mm rms]", "estimate [ms]"), tuple(lines))
+    def of(rate: float, what: str) -> Array:
+        return np.array([row["rates"][f"{rate:g}"][what] for row in rows])
+
+    columns = {
+        "Hz": lambda rate: f"{rate:g}",
+        "median [mm rms]": lambda rate: f"{np.median(of(rate, 'rms')):.1f}",
+        "greatest [mm rms]": lambda rate: f"{of(rate, 'rms').max():.1f}",
+        "estimate [ms]": lambda rate: f"{np.median(of(rate, 'median_ms')):.1f}",
+    }
+    return Table.of(RATES, columns)
 
 
 def _loaded(rows: Sequence[Any]) -> Table:
-    lines = []
-    for way in (LOADED_OPEN, LOADED, WEIGHED_LOADED, WEIGHED):
-        half, last = (
-            np.array([row["loaded"][way][of] for row in rows]) for of in ("rms", "last_rms")
-        )
-        cells = (f"{np.median(e):.1f} ({e.max():.1f})" for e in (half, last))
-        lines.append((way, *cells))
-    return Table(
-        ("way", "error", "in the last sixth of the path"),
-        tuple(lines),
-        "Error [mm rms], the median over the arms and, in brackets, the greatest.",
-    )
+    def cell(way: str, of: str) -> str:
+        return _median_and_most(np.array([row["loaded"][way][of] for row in rows]))
+
+    columns = {
+        "way": str,
+        "error": lambda way: cell(way, "rms"),
+        "in the last sixth of the path": lambda way: cell(way, "last_rms"),
+    }
+    return Table.of((LOADED_OPEN, LOADED, WEIGHED_LOADED, WEIGHED), columns, _MEDIANS)
 
 
 def _arms(rows: Sequence[Any]) -> Table:
-    lines = []
-    for row in rows:
-        cells = (f"{np.mean([of[way]['rms'] for of in row['paths'].values()]):.1f}" for way in WAYS)
-        lines.append((row["name"].replace("_", " "), *cells))
-    return Table(
-        ("what nobody declared", *WAYS),
-        tuple(lines),
-        "Mean over the paths that were not refused [mm rms].",
-    )
+    def mean(row: Any, way: str) -> str:
+        return f"{np.mean([of[way]['rms'] for of in row['paths'].values()]):.1f}"
+
+    columns = {"what nobody declared": lambda row: row["name"].replace("_", " ")}
+    columns |= {way: partial(mean, way=way) for way in WAYS}
+    return Table.of(rows, columns, "Mean over the paths that were not refused [mm rms].")

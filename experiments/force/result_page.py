@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.confusion.score import Share
 from experiments.force.trial import STEP_N, WEIGHT_KG
-from experiments.result_page import PageContent
+from experiments.result_page import PageContent, failures
 from serpent_twin.estimators.force_filter import SIZE, WALK
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
@@ -24,8 +24,6 @@ Rows = Sequence[Mapping[str, Any]]
 def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     rows = results["rows"]
-    failures = [f"{name}: {why}" for name, why in results["failed"].items()]
-    told = [Section("Arms that failed", "\n\n".join(failures))] if failures else []
     return PageContent(
         "Feeling forces",
         "python -m experiments.force --study STUDY",
@@ -35,7 +33,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
             Section("Contacts", _contacts_told(rows), (_contacts(rows),)),
             Section("A weight", _WEIGHT, (_weights(rows),)),
             Section("Beside readouts", _READOUTS, (_learned(rows),)),
-            *told,
+            *failures("Arms that failed", results),
         ),
     )
 
@@ -60,26 +58,26 @@ _READOUTS = (
 
 
 def _by_arm(rows: Rows) -> Table:
-    lines = []
-    for row in rows:
-        found = row["random"]
-        lines.append(
-            (
-                row["name"].replace("_", " "),
-                *(f"{found[name]:.2f}" for name in ("pushed_N", "rms_N", "stated_N", "least_N")),
-                f"{found['rms_N'] / found['least_N']:.2f}",
-                f"{found['rms_free_N']:.2f}",
-                f"{row['update_ms']['median']:.1f}",
-                f"{row['update_ms']['p99']:.1f}",
-            )
-        )
-    head = ("what is wrong", "force", "error", "stated", "least", "error / least")
-    return Table(
-        (*head, "error, free", "estimate [ms]", "its p99"),
-        tuple(lines),
+    columns = {
+        "what is wrong": _wrong,
+        "force": "{random[pushed_N]:.2f}",
+        "error": "{random[rms_N]:.2f}",
+        "stated": "{random[stated_N]:.2f}",
+        "least": "{random[least_N]:.2f}",
+        "error / least": lambda row: f"{row['random']['rms_N'] / row['random']['least_N']:.2f}",
+        "error, free": "{random[rms_free_N]:.2f}",
+        "estimate [ms]": "{update_ms[median]:.1f}",
+        "its p99": "{update_ms[p99]:.1f}",
+    }
+    note = (
         "Rms over the rows in which something pushes, and of the others [N]. Times are on one core that had "
-        "other work.",
+        "other work."
     )
+    return Table.of(rows, columns, note)
+
+
+def _wrong(row: Mapping[str, Any]) -> str:
+    return row["name"].replace("_", " ")
 
 
 def _pushes(rows: Rows, of: str) -> list[Mapping[str, Any]]:
@@ -115,85 +113,70 @@ def _contacts(rows: Rows) -> Table:
         for each in _pushes(rows, "pushes")
         if each["most_N"] >= _STRONG and not each["felt_before"]
     ]
-    lines = []
-    for name, several in (
+    several = (
         (f"steps of {STEP_N:g} N", steps),
         ("the same at the last link", [each for each in steps if each["link"] == 9]),
         ("the same, worth feeling", [each for each in steps if each["possible_in_1s"] >= _WORTH]),
         (f"random pushes of {_STRONG:g} N or more", strong),
         ("the same, worth feeling", [each for each in strong if each["possible_in_1s"] >= _WORTH]),
-    ):
-        found = [each for each in several if each["found_after_s"] is not None]
-        soon = [each for each in found if each["found_after_s"] <= 1.0]
-        possible = sum(each["possible_in_1s"] for each in several)
-        exact = [each for each in found if each["told_link"] == each["link"]]
-        near = [each for each in found if abs(each["told_link"] - each["link"]) <= 1]
-        lines.append(
-            (
-                name,
-                str(len(several)),
-                f"{possible:.0f}",
-                *(str(Share(len(n), len(of))) for n, of in ((soon, several), (found, several))),
-                *(str(Share(len(n), len(found))) for n in (exact, near)),
-            )
-        )
-    return Table(
-        (
-            "pushes",
-            "of them",
-            "possible",
-            "found within 1 s",
-            "found",
-            "link right",
-            "or next to it",
-        ),
-        tuple(lines),
-        "In brackets, 95 % intervals. Links of those that were found.",
     )
+    columns = {
+        "pushes": "{name}",
+        "of them": "{number}",
+        "possible": "{possible:.0f}",
+        "found within 1 s": "{soon}",
+        "found": "{found}",
+        "link right": "{exact}",
+        "or next to it": "{near}",
+    }
+    note = "In brackets, 95 % intervals. Links of those that were found."
+    return Table.of((_counts(*each) for each in several), columns, note)
+
+
+def _counts(name: str, pushes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """How many pushes could be found and were, and on which link."""
+    found = [each for each in pushes if each["found_after_s"] is not None]
+    off = [abs(each["told_link"] - each["link"]) for each in found]
+    return {
+        "name": name,
+        "number": len(pushes),
+        "possible": sum(each["possible_in_1s"] for each in pushes),
+        "soon": Share(sum(each["found_after_s"] <= 1.0 for each in found), len(pushes)),
+        "found": Share(len(found), len(pushes)),
+        "exact": Share(off.count(0), len(found)),
+        "near": Share(off.count(0) + off.count(1), len(found)),
+    }
 
 
 def _weights(rows: Rows) -> Table:
-    lines = []
-    for row in rows:
-        for each in row["weights"]:
-            mean = each["mean_N"]
-            lines.append(
-                (
-                    row["name"].replace("_", " "),
-                    f"{100 * each['felt_share']:.0f} %",
-                    ", ".join(f"{value:.2f}" for value in mean) if mean else "",
-                    f"link {each['link']}" if mean else "",
-                    f"{1e3 * each['weight_kg']:.0f} g" if each["weight_kg"] else "no",
-                )
-            )
-    return Table(
-        (
-            "what is wrong",
-            "felt",
-            "mean force [N], x down unless the base leans",
-            "where",
-            "called a weight",
+    columns = {
+        "what is wrong": _wrong,
+        "felt": lambda each: f"{100 * each['felt_share']:.0f} %",
+        "mean force [N], x down unless the base leans": lambda each: ", ".join(
+            f"{value:.2f}" for value in each["mean_N"] or ()
         ),
-        tuple(lines),
-        "The share of the rows in which contact is reported, and the mean over them.",
-    )
+        "where": lambda each: f"link {each['link']}" if each["mean_N"] else "",
+        "called a weight": lambda each: (
+            f"{1e3 * each['weight_kg']:.0f} g" if each["weight_kg"] else "no"
+        ),
+    }
+    several = [{"name": row["name"]} | each for row in rows for each in row["weights"]]
+    note = "The share of the rows in which contact is reported, and the mean over them."
+    return Table.of(several, columns, note)
 
 
 def _learned(rows: Rows) -> Table:
-    lines = []
-    for name in rows[0]["learned"]:
-        errors = {
-            part: np.array([row["learned"][name][part] for row in rows])
-            for part in ("pushed", "free")
-        }
-        lines.append(
-            (name, *(f"{np.median(errors[p]):.2f} ({errors[p].max():.2f})" for p in errors))
-        )
-    return Table(
-        ("estimate", "error, pushed [N]", "error, free [N]"),
-        tuple(lines),
-        "Rms, the median over the arms and, in brackets, the greatest.",
-    )
+    def cell(name: str, part: str) -> str:
+        errors = np.array([row["learned"][name][part] for row in rows])
+        return f"{np.median(errors):.2f} ({errors.max():.2f})"
+
+    columns = {
+        "estimate": str,
+        "error, pushed [N]": lambda name: cell(name, "pushed"),
+        "error, free [N]": lambda name: cell(name, "free"),
+    }
+    note = "Rms, the median over the arms and, in brackets, the greatest."
+    return Table.of(rows[0]["learned"], columns, note)
 
 
 def _drawn(rows: Rows) -> Figure:

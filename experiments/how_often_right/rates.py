@@ -10,7 +10,6 @@ from experiments.confusion.arm_line import BETWEEN, FAILED, ArmLine
 from experiments.confusion.arms import AS_BUILT, BY_FIT
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR
 from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
-from serpent_twin.identification.discovery.discover import WORTH
 from serpent_twin.identification.wording import DISCOVERED
 
 NAMED = 0.90
@@ -22,6 +21,8 @@ NEAR, LEFT = 0.15, 1.3
 LAST = 50
 """How many arms as built, the last ones, show how good the program is now"""
 _NONE = "none"
+_WORTH = 30.0
+"""From which worth on, in squared standard errors, traces sought a fault's law when worths were computed"""
 
 
 def names_of(line: ArmLine) -> list[str]:
@@ -108,8 +109,8 @@ def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:
             "",
         ),
         "its law and place discovered": (_share(outside, lambda x: x.discovered), "80 %"),
-        f"the same, of faults whose law was worth {WORTH:g} σ² or more": (
-            _share([x for x in outside if x.worth >= WORTH], lambda x: x.discovered),
+        f"the same, of faults whose law was worth {_WORTH:g} σ² or more": (
+            _share([x for x in outside if x.worth >= _WORTH], lambda x: x.discovered),
             "80 %",
         ),
         "a discovered law's size within 15 %": (_share(sized, lambda x: x.off <= NEAR), ""),

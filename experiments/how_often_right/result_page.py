@@ -1,15 +1,17 @@
 """Write docs/results/how-often-right.md."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from experiments.confusion.page import RIGHT, WRONG, counts_drawing
+from experiments.confusion.result_page import RIGHT, WRONG, counts_drawing
 from experiments.confusion.score import quantity
 from experiments.how_often_right.rates import NAMED, STRONG
 from experiments.result_page import PageContent
+from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import INK, label_logarithmic, tidy
 from serpent_twin.reporting.report import Figure, Section, Table
@@ -31,9 +33,9 @@ _COMPOSED = """Discovered is a fault whose law, and its place, was composed, or 
 calls equivalent, and nothing else. What was left before and after is in errors of a complete twin; it and how
 far the law's size was off are medians over the arms on which it was discovered.
 
-What a fault's law was worth is computed since seed 34: by how many squared standard errors (σ²) the true law,
-with its true thresholds and to first order, would have explained the training logs better than the calibrated
-twin did. From 30 on, a trace would try it where little is left."""
+What a fault's law was worth was computed from seed 34 on: by how many squared standard errors (σ²) the true
+law, with its true thresholds and to first order, would have explained the training logs better than the
+calibrated twin did. From 30 on, a trace would try it where little is left."""
 _MARKS = ("o", "s", "^", "D", "v")
 
 
@@ -54,61 +56,53 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
 
 
 def _rates(results: Mapping[str, Any]) -> Table:
-    lines = [
-        (name, of["aim"], of["said"], of["as_built_said"], of["last_said"])
-        for name, of in results["rates"].items()
-    ]
+    of_last = {"aim": "", "as_built_said": "", "last_said": ""}
     from_where = f"stated detection limits from which on {100 * NAMED:.0f} % are named"
-    lines.append((from_where, "1", results["named_from"], "", ""))
-    if results["median_seconds"]:
-        lines.append(("median of a trace's time", "", f"{results['median_seconds']:.0f} s", "", ""))
-    head = (
-        "",
-        "aim",
-        "all",
-        f"{results['as_built']} as built",
-        f"the {results['last']} traced last",
-    )
-    return Table(head, tuple(lines))
+    rows = [{"name": name, **of} for name, of in results["rates"].items()]
+    rows.append(of_last | {"name": from_where, "aim": "1", "said": results["named_from"]})
+    if seconds := results["median_seconds"]:
+        rows.append(of_last | {"name": "median of a trace's time", "said": f"{seconds:.0f} s"})
+    columns = {
+        "": "{name}",
+        "aim": "{aim}",
+        "all": "{said}",
+        f"{results['as_built']} as built": "{as_built_said}",
+        f"the {results['last']} traced last": "{last_said}",
+    }
+    return Table.of(rows, columns)
 
 
 def _effects(results: Mapping[str, Any]) -> Table:
-    numbers = list(results["effects"][0]["stated"])
-    lines = []
-    for each in results["effects"]:
-        stated = each["stated"].values()
-        off = f"{each['median_off']:.0%}" if each["median_off"] is not None else ""
-        limits = (quantity(at, each["unit"]) if at else "" for at in stated)
-        name = each["effect"].replace("_", " ")
-        lines.append((name, *limits, each["right"], each["strong"], off, each["held"]))
-    head = (
-        "effect",
-        *(f"limit, {n} sessions" for n in numbers),
-        "named right",
-        "from twice its limit on",
-        "off, median",
-        "in its interval",
-    )
-    return Table(head, tuple(lines))
+    def limit(each: Mapping[str, Any], sessions: str) -> str:
+        at = each["stated"][sessions]
+        return quantity(at, each["unit"]) if at else ""
+
+    columns: dict[str, Any] = {"effect": lambda each: spaced(each["effect"])}
+    for number in results["effects"][0]["stated"]:
+        columns[f"limit, {number} sessions"] = partial(limit, sessions=number)
+    columns |= {
+        "named right": "{right}",
+        "from twice its limit on": "{strong}",
+        "off, median": lambda each: _number(each["median_off"], ".0%"),
+        "in its interval": "{held}",
+    }
+    return Table.of(results["effects"], columns)
 
 
 def _outside(results: Mapping[str, Any]) -> Table:
-    def number(value: float | None, form: str) -> str:
-        return "" if value is None else format(value, form)
+    columns = {
+        "fault": lambda each: spaced(each["fault"]),
+        "discovered": "{discovered[count]} of {discovered[of]}",
+        "called unexplained": "{unexplained}",
+        "size off": lambda each: _number(each["median_off"], ".0%"),
+        "left before": lambda each: _number(each["before"], ".2f"),
+        "left after": lambda each: _number(each["after"], ".2f"),
+    }
+    return Table.of(results["outside"], columns)
 
-    lines = [
-        (
-            each["fault"].replace("_", " "),
-            f"{each['discovered']['count']} of {each['discovered']['of']}",
-            str(each["unexplained"]),
-            number(each["median_off"], ".0%"),
-            number(each["before"], ".2f"),
-            number(each["after"], ".2f"),
-        )
-        for each in results["outside"]
-    ]
-    head = ("fault", "discovered", "called unexplained", "size off", "left before", "left after")
-    return Table(head, tuple(lines))
+
+def _number(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)
 
 
 def _dots(results: Mapping[str, Any]) -> tuple[Figure, ...]:
@@ -128,7 +122,7 @@ def _dots(results: Mapping[str, Any]) -> tuple[Figure, ...]:
     axes.set(
         xscale="log", xlabel="strength in stated detection limits", ylim=(-0.6, len(names) - 0.4)
     )
-    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    axes.set_yticks(range(len(names)), [*map(spaced, names)])
     label_logarithmic(axes)
     tidy(axes, grid="y", labelsize=8)
     told = ", ".join(f"{mark} {n}" for mark, n in zip("●■▲◆▼", numbers, strict=False))
@@ -154,14 +148,11 @@ def _matrix(results: Mapping[str, Any]) -> Figure:
 
 
 def _commits(results: Mapping[str, Any]) -> Table:
-    lines = tuple(
-        (
-            each["commit"],
-            str(each["arms"]),
-            each["right"],
-            each["false_alarms"],
-            quantity(each["seconds"], "s") if each["seconds"] else "",
-        )
-        for each in results["commits"]
-    )
-    return Table(("commit", "arms", "right", "false alarms", "median time"), lines)
+    columns = {
+        "commit": "{commit}",
+        "arms": "{arms}",
+        "right": "{right}",
+        "false alarms": "{false_alarms}",
+        "median time": lambda each: quantity(each["seconds"], "s") if each["seconds"] else "",
+    }
+    return Table.of(results["commits"], columns)

@@ -1,6 +1,8 @@
 """Write what a planned motion is worth as a page."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
+from operator import itemgetter
 from typing import Any
 
 from experiments.next_motion.config import GROUPS
@@ -15,8 +17,8 @@ from experiments.next_motion.score import (
     wrong,
 )
 from experiments.next_motion.trial import BEFORE, PLANNED, RANDOM, STAGES
-from experiments.result_page import PageContent
-from serpent_twin.identification.figures import spaced
+from experiments.result_page import PageContent, failures
+from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section, Table
 
@@ -47,8 +49,6 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         "the motion that `serpent-twin plan` made of the first trace. The last session of each is "
         "held out. An effect counts as named if it is named and nothing else is."
     )
-    failures = [f"{name}: {why}" for name, why in results["failed"].items()]
-    told = [Section("Arms that could not be traced", "\n\n".join(failures))] if failures else []
     return PageContent(
         "The next motion",
         command,
@@ -57,41 +57,45 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
             Section("", text, (_rates(rows),)),
             Section("By group", "", (_groups(rows),)),
             Section("Arms", "", (_arms(rows),)),
-            *told,
+            *failures("Arms that could not be traced", results),
         ),
     )
 
 
+def _by_stage(first: Mapping[str, Any], cell: Callable[[Any, str], str]) -> dict[str, Any]:
+    """Columns: the first ones, then one for each stage."""
+    return {**first, **{_HEAD[stage]: partial(cell, stage=stage) for stage in STAGES}}
+
+
 def _rates(rows: list[Row]) -> Table:
-    head = ("", *(_HEAD[stage] for stage in STAGES))
     measures = {
         "named, and nothing else": right,
         "named, and every rival told apart": decided,
         "an effect named that is not there": wrong,
     }
-    lines = tuple(
-        (name, *(str(share(rows, lambda row, s=stage, m=of: m(row, s))) for stage in STAGES))
-        for name, of in measures.items()
-    )
+
+    def cell(measure: tuple[str, Any], stage: str) -> str:
+        return str(share(rows, lambda row: measure[1](row, stage)))
+
     first, second, chance = ahead(rows, PLANNED, RANDOM)
     note = (
         f"In brackets, 95 % intervals. The planned motion alone had {first} right, the random targets alone "
         f"{second}; a split as uneven has the probability {chance:.2g} by chance (McNemar's exact test)."
     )
-    return Table(head, lines, note)
+    return Table.of(measures.items(), _by_stage({"": itemgetter(0)}, cell), note)
 
 
 def _groups(rows: list[Row]) -> Table:
-    lines = []
-    for group in GROUPS:
-        some = [row for row in rows if row["name"] in group]
-        lines.append((", ".join(map(spaced, group)), *(str(share_right(some, s)) for s in STAGES)))
-    return Table(("effects", *(_HEAD[stage] for stage in STAGES)), tuple(lines))
+    def cell(group: tuple[str, ...], stage: str) -> str:
+        return str(share_right([row for row in rows if row["name"] in group], stage))
+
+    return Table.of(
+        GROUPS, _by_stage({"effects": lambda group: ", ".join(map(spaced, group))}, cell)
+    )
 
 
 def _arms(rows: list[Row]) -> Table:
-    lines = tuple(
-        (row["id"], f"{row['strength']:.3g}", *(spaced(answer(row["answers"][s])) for s in STAGES))
-        for row in rows
-    )
-    return Table(("arm", "strength", *(_HEAD[stage] for stage in STAGES)), lines)
+    def cell(row: Row, stage: str) -> str:
+        return spaced(answer(row["answers"][stage]))
+
+    return Table.of(rows, _by_stage({"arm": "{id}", "strength": "{strength:.3g}"}, cell))

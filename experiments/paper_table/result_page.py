@@ -57,23 +57,28 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
 
 def error_table(results: Mapping[str, Any]) -> Table:
     """Paper beside twin: means, and both readings of the published ±."""
-    rows = []
-    for name, label in LABELS.items():
-        mm, found = results["paper_mm"][name], results["errors"][name]
-        steps, off = found["std_of_step_means_mm"], _change(found["mean_mm"] / mm - 1)
-        twin = f"{found['mean_mm']:.1f} ± {found['std_mm']:.1f}"
-        paper = f"{mm} ± {results['paper_std_mm'][name]}"
-        rows.append((label, paper, twin, f"{steps:.1f}", off))
-    header = ("readout", "paper [mm]", "twin [mm]", "twin, ± of step means [mm]", "off by")
-    return Table(header, tuple(rows))
+    rows = (
+        {"label": label, "mm": results["paper_mm"][name], "std": results["paper_std_mm"][name]}
+        | results["errors"][name]
+        for name, label in LABELS.items()
+    )
+    columns = {
+        "readout": "{label}",
+        "paper [mm]": "{mm} ± {std}",
+        "twin [mm]": "{mean_mm:.1f} ± {std_mm:.1f}",
+        "twin, ± of step means [mm]": "{std_of_step_means_mm:.1f}",
+        "off by": lambda row: _change(row["mean_mm"] / row["mm"] - 1),
+    }
+    return Table.of(rows, columns)
 
 
 def _parameter_table(results: Mapping[str, Any]) -> Table:
-    rows = tuple(
-        (_label(name), _told(results["parameters"][name], name), _range(results, name))
-        for name in UNITS
-    )
-    return Table(("parameter", "nominal twin", "range of the short runs"), rows)
+    columns = {
+        "parameter": _label,
+        "nominal twin": lambda name: _told(results["parameters"][name], name),
+        "range of the short runs": lambda name: _range(results, name),
+    }
+    return Table.of(UNITS, columns)
 
 
 def sensitivity_table(results: Mapping[str, Any]) -> Table:

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from experiments.close_the_loop.__main__ import LOGS, arm_folders
-from experiments.result_page import publish, store
+from experiments.result_page import publish, store, write_report
 from experiments.sim_to_real.arm import FOLLOWED
 from experiments.sim_to_real.conditions import CHANGES, changing, followed, in_conditions, recovery
-from experiments.sim_to_real.page import arm_table, page
+from experiments.sim_to_real.result_page import arm_table
 from experiments.sim_to_real.side_by_side import progress, study_all
 from experiments.sim_to_real.twins import CORRECTED, FULL, QUICK
 from serpent_twin import stored
@@ -24,7 +24,7 @@ from serpent_twin.command_line.options import Checked, Seed, Workers
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import load
 from serpent_twin.estimators.online import Online
-from serpent_twin.reporting.report import text_table, write
+from serpent_twin.reporting.report import text_table
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
@@ -80,8 +80,7 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
         }
         results = store(config.out / "results.json", "experiments.sim_to_real", figures)
         print(text_table(arm_table(found)))
-        report = page(results)
-        print(f"{write(report, config.out)}: the figures. {report.lead}")
+        print(write_report(results, config.out))
         publish(results, config.page)
 
 

@@ -12,20 +12,19 @@ from typing import Annotated, Any
 from tqdm import tqdm
 
 from experiments.close_the_loop.__main__ import LOGS, arm_folders, session_hashes
-from experiments.result_page import publish, store
+from experiments.result_page import publish, store, write_report
 from experiments.stiffness_sweep.answers import answers
 from experiments.stiffness_sweep.arms import place, placed
 from experiments.stiffness_sweep.engine import engine_ratio, seconds_per_point
 from experiments.stiffness_sweep.networks import added, networks
-from experiments.stiffness_sweep.page import page, reasons
 from experiments.stiffness_sweep.plan import GRID, POSED, SweepPlan, full, quick
+from experiments.stiffness_sweep.result_page import reasons
 from experiments.stiffness_sweep.rows import rows_of
 from experiments.stiffness_sweep.transfer import matrix
 from serpent_twin import machines, stored
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, RateHz, Workers, used_only, when
-from serpent_twin.reporting.report import write
 from serpent_twin.reservoir.sweep.rows import SweepRow
 from serpent_twin.reservoir.sweep.run import Sweep, sweep
 from serpent_twin.runs.files import write_json
@@ -92,11 +91,9 @@ def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it abov
             "settings": about,
         }
         results = store(config.out / "results.json", "experiments.stiffness_sweep", figures)
-        report = page(rows, found, arms, crossed, _facts(results))
-        path = write(report, config.out)
+        written = write_report(results, config.out)
     publish(results, config.page)
-    print(reasons(found))
-    print(f"{path}: the figures. {report.lead}")
+    print(f"{reasons(found)}\n{written}")
 
 
 def measured(
@@ -171,17 +168,6 @@ def _kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     if not path.exists():
         write_json(path, make())
     return stored.read_json(path)
-
-
-def _facts(results: Mapping[str, Any]) -> dict[str, str]:
-    plan = results["settings"]["plan"]
-    return {
-        "points": f"{results['points']}, {results['seconds_per_point']:.1f} s each on one core",
-        "steps of each": f"{plan['steps']:,}",
-        "speed": f"{results['engine_ratio']:.2f} × a bare multi-threaded MuJoCo rollout in the same run",
-        "commit": str(results["git_commit"]),
-        "versions": ", ".join(f"{k} {v}" for k, v in results["versions"].items()),
-    }
 
 
 if __name__ == "__main__":

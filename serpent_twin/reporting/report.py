@@ -2,10 +2,10 @@
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -26,6 +26,17 @@ class Table:
     """What a reader must know to read it"""
     marked: frozenset[int] = frozenset()
     """Rows to set in bold"""
+
+    @classmethod
+    def of(
+        cls, rows: Iterable[Any], columns: Mapping[str, str | Callable[[Any], str]], note: str = ""
+    ) -> Self:
+        """A table of one line a row; each header has a function of the row, or a format of its keys."""
+        several = [
+            tuple(of.format_map(row) if isinstance(of, str) else of(row) for of in columns.values())
+            for row in rows
+        ]
+        return cls(tuple(columns), tuple(several), note)
 
     @property
     def numeric(self) -> tuple[bool, ...]:

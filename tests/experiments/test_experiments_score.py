@@ -9,8 +9,8 @@ from diagnoses import ERRORS, diagnosis, estimate
 from experiments.confusion import arms as confusion_arms
 from experiments.confusion import plan as confusion_plan
 from experiments.confusion import score as confusion_score
-from experiments.confusion.page import page
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR
+from experiments.confusion.result_page import pictures
 
 
 def row(kind, name, strength=1.0, named=(), unexplained=False):
@@ -157,9 +157,6 @@ def test_strengths_of_unlike_variants_have_limits_of_their_own():
 
 def test_a_study_of_pairs_alone_has_no_matrix_of_single_faults():
     pair, alone = row(PAIR, "payload + base_tilt"), row(KNOWN, "payload")
-    titles = [
-        [section.title for section in page(rows, confusion_score.scores(rows), {}).sections]
-        for rows in ([pair], [pair, alone])
-    ]
+    titles = [[each.title for each in pictures(rows)] for rows in ([pair], [pair, alone])]
     assert titles[1][0] == "What was there, and what was called"
-    assert titles[0][0] == titles[1][1]
+    assert not titles[0]

@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnoses import diagnosis as made_up
 from figure_checks import wrong
 from made_diagnosis import diagnosis
 
 from experiments.close_the_loop import picture
-from experiments.close_the_loop.page import page as loop_page
 from experiments.sim_to_real import figures as routes
 from serpent_twin.arm.geometry import N_JOINTS, markers
 from serpent_twin.identification.page import page
@@ -61,9 +59,3 @@ def test_titles_name_what_was_given():
     title = page(diagnosis(), {"logs": "data/arm_a"}, candidates()).title
     assert title == "What the twin of arm_x lacks (data/arm_a, judged by session_04)"
     assert page(replace(diagnosis(), held_out=()), {}, candidates()).title.endswith("arm_x lacks")
-    found = {
-        name: made_up() | {"load_error_percent": made_up()["error_mm"]}
-        for name in ("arm_a", "arm_b")
-    }
-    results = {"arms": found, "git_commit": "abc", "settings": {}}
-    assert loop_page(results, None).title == "The loop closed on arm_a, arm_b"

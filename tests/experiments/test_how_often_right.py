@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import bench_arm
 from benchmarks.right_names import chosen, trial_of
 from experiments.confusion.arm_line import ArmLine, add, line_of, read
-from experiments.confusion.arms import GENERATION, BenchSource
+from experiments.confusion.arms import GENERATION
 from experiments.confusion.config import Confusion
-from experiments.confusion.expected import of_bench
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR, Trial
 from experiments.confusion.stated_limits import stated_limits, times_limit
-from experiments.confusion.worth import true_law
 from experiments.how_often_right import __main__ as how_often_right
 from experiments.how_often_right.rates import LAST, rates
 from experiments.result_rows import failed_row
@@ -208,12 +205,3 @@ def test_limits_are_of_the_whole_strength_of_an_effect():
     assert times_limit(tilted, limits) == pytest.approx(1.0)
     none = {"name": "cable_creep", "strong": ["fraction"], "parameters": {"fraction": 0.5}}
     assert np.isnan(times_limit(none, limits))
-
-
-@pytest.mark.parametrize("name", BenchSource().outside)
-def test_the_true_law_of_a_fault_is_one_of_its_right_answers(name):
-    effects = bench_arm.inject(name, bench_arm.TYPICAL[name], np.random.default_rng(1))
-    law, ways = true_law(name, effects)
-    assert all((each.shape, each.reading) == (law.shape, law.reading) for each in ways)
-    (answer, *_) = [a for a in of_bench(name, effects) if law.handle in a["changes"]]
-    assert law.place in answer["places"] and law.shape in answer["laws"]

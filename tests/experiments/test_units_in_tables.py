@@ -8,8 +8,8 @@ from learning_sessions import make_session
 from trainings import write
 from typed import typed
 
-from experiments.close_the_loop import page as close_the_loop
-from experiments.sim_to_real import page
+from experiments.close_the_loop import result_page as close_the_loop
+from experiments.sim_to_real import result_page as page
 
 UNIT = re.compile(r"\[(mm|ms|s|Hz|%|% of stall)\]$|, (mm|s|mrad)$")
 

@@ -182,21 +182,6 @@ class Search:
         error = np.sqrt(np.maximum(np.diag(inverse), 0.0) / self.weight)
         return size, error, self.weight * float(-size @ pull)
 
-    def worth(self, response: Response, several: Sequence[Way]) -> float:
-        """What one change at a place, or a sine and its cosine, would be worth [squared standard errors]."""
-        rows = self.changes(several) if several[0].reading else self._constant()
-        found, gram = self._beyond_free(shown(self.rows, response).sums(rows))
-        pull, raw = found.pulls.reshape(1, -1), found.raw.mean(axis=0)
-        if len(several) > 1:
-            across = found.beside[0]
-            gram = np.block([[gram[0], across], [across.T, gram[1]]])
-        _, removed = solved(pull, gram.reshape(1, pull.size, pull.size), raw[None])
-        return float(self.gain(removed[0] / self.total))
-
-    def _constant(self) -> Changes:
-        """A change that is the same in all rows."""
-        return Changes(np.ones((1, self.usual.rows.shape[1]), np.float32))
-
     def gain(self, share: Array) -> Array:
         """Twice the logarithm of the likelihood ratio of what removes a share of the residual's squares."""
         return -self.weight * self.total * np.log1p(-np.minimum(share, _MOST))
