@@ -15,7 +15,8 @@ def main(config: Estimate) -> None:  # noqa: D103 tyro would print it above the 
         print(f"\nStopped. The rows until then are in {config.out}.", file=sys.stderr)
         sys.exit(130)
     print(f"{config.out}: the log, its figures and its recording")
-    next_step.say(next_step.after_estimate(config))
+    session, twin = config.out / "session_01.parquet", config.twin or config.simulate
+    next_step.say(next_step.replay(session, config.out.parent, config.model, twin))
 
 
 if __name__ == "__main__":

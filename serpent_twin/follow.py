@@ -15,7 +15,8 @@ def main(config: Follow) -> None:  # noqa: D103 tyro would print it above the co
         print(f"\nStopped. The rows until then are in {config.out}.", file=sys.stderr)
         sys.exit(130)
     print(f"{config.out}: the log, its figures, its picture and its recording")
-    next_step.say(next_step.after_follow(config))
+    session = config.out / "session_01.parquet"
+    next_step.say(next_step.replay(session, config.out.parent, config.model, config.twin))
 
 
 if __name__ == "__main__":

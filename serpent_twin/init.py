@@ -33,7 +33,7 @@ def main(
     path = out or machine_beside(robot)
     found = describe(robot, logs, path)
     if found.whole:
-        next_step.say(["serpent_twin.check", "--machine", str(path), "--logs", *map(str, logs)])
+        next_step.say(next_step.step("check", machine=path, logs=logs))
     if found.undecided:
         sys.exit(1)
 

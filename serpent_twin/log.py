@@ -1,5 +1,6 @@
 """Look into logs, check them, recover a recording that was cut off, or bring logs in and take them out."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,9 @@ def recover_command(path: Positional[Path]) -> None:
         )
     if not recovered:
         print(f"{path}: nothing to recover")
-    next_step.say(next_step.after_recovery(path))
+    folder = path if path.is_dir() else path.parent
+    if session_files(folder):
+        next_step.say(next_step.step("look", path=folder))
 
 
 def info_command(path: Positional[Path]) -> None:
@@ -56,9 +59,11 @@ def info_command(path: Positional[Path]) -> None:
     files, others = _files(path)
     for each in others:
         print(imported_log.described(imported_log.read(each)))
-    if files:
-        _sessions_info(path, [read_session(file) for file in files])
-    next_step.say(next_step.after_look(path))
+    sessions = [read_session(file) for file in files]
+    if sessions:
+        _sessions_info(path, sessions)
+    if not any(_is_damaged(examine(each)) for each in sessions):
+        _say_next(path)
 
 
 def _sessions_info(path: Path, sessions: list[Session]) -> None:
@@ -95,7 +100,7 @@ def check_command(path: Positional[Path]) -> None:
             f"{len(spoiled)} of {counted(len(files) + len(others), 'log' if others else 'session')}"
         )
         cli.fail(f"{path}: {share} cannot be trusted: {', '.join(spoiled)}.")
-    next_step.say(next_step.after_look(path))
+    _say_next(path)
 
 
 def import_command(
@@ -119,7 +124,10 @@ def import_command(
     if machine:
         print(f"{machine} says which columns are commands.")
     print(f"{out}: {counted(len(found), 'log')}.")
-    next_step.say(next_step.after_import(out, machine))
+    step = next_step.step("look", path=out)
+    if machine:
+        step = next_step.step("check", machine=machine, logs=out)
+    next_step.say(step)
 
 
 def export_command(path: Positional[Path], out: Path) -> None:
@@ -130,6 +138,17 @@ def export_command(path: Positional[Path], out: Path) -> None:
         out: The file to write, .csv or .mcap.
     """
     print(f"{out}: {counted(export(path, out), 'row')}.")
+
+
+def _say_next(path: Path) -> None:
+    """After a look at a folder of logs: train on them, here, if they are enough; else replay one."""
+    here = Path()
+    step = next_step.after_logs if path.is_dir() else next_step.replay
+    next_step.say(step(path, here))
+
+
+def _is_damaged(findings: Sequence[Finding]) -> bool:
+    return any(finding.level == "error" for finding in findings)
 
 
 def _short(value: object) -> str:
@@ -154,12 +173,13 @@ def _report_other(file: Path) -> bool:
 
 
 def _verdict(file: Path, rows: int, findings: list[Finding]) -> bool:
-    levels = {finding.level for finding in findings}
-    verdict = "damaged" if "error" in levels else "usable" if "warning" in levels else "sound"
+    damaged = _is_damaged(findings)
+    usable = any(finding.level == "warning" for finding in findings)
+    verdict = "damaged" if damaged else "usable" if usable else "sound"
     print(f"{file.name}: {counted(rows, 'row')}, {verdict}")
     for finding in findings:
         print(f"  {finding.level}: {as_started(finding.text)}")
-    return "error" not in levels
+    return not damaged
 
 
 def _files(path: Path) -> tuple[list[Path], list[Path]]:

@@ -1,10 +1,13 @@
 """Find the cameras' base frame, or fill session logs from a Motive take."""
 
+from pathlib import Path
+
 import tyro
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.hardware.find_frame import Straight, measure
+from serpent_twin.hardware.natnet.live import NatNet
 from serpent_twin.sessions.merge import HEADING, Merge, merge
 
 
@@ -24,7 +27,15 @@ def frame_command(config: Straight) -> None:  # noqa: D103 tyro would print it a
     for n, (label, size) in enumerate(zip(labels, millimetres, strict=True), 1):
         print(f"marker {n} ({label}): {size:.2f} mm from its place")
     print(f"{config.out}: base frame from 9 markers, residual {1e3 * rigid.residual:.2f} mm rms")
-    next_step.say(next_step.after_frame(config.out, config.natnet))
+    next_step.say(after_frame(config.out, config.natnet))
+
+
+def after_frame(frame: Path, natnet: NatNet) -> next_step.Words:
+    """Record a short session with cameras, or set the arm up first."""
+    if not Path("arm.toml").is_file():
+        return next_step.step("set up")
+    cameras = ["--mocap", "natnet", *next_step.changed(natnet, NatNet())]
+    return next_step.step("first run", changed=cameras, frame=frame, out=Path("first_run"))
 
 
 if __name__ == "__main__":

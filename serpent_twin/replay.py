@@ -58,7 +58,7 @@ def main(
         next_step.say(next_step.after_replay(out))
         return
     _draw(session, out, readout, twin, moment, part)
-    next_step.say(next_step.of_logs.replay(session, out.parent, readout, twin))
+    next_step.say(next_step.replay(session, out.parent, readout, twin))
 
 
 def _seconds(word: str, flag: str) -> float:

@@ -1,6 +1,11 @@
 """Measure many twins as reservoirs: `python -m serpent_twin.sweep`."""
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
 from serpent_twin import next_step
+from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.command_line import cli
 from serpent_twin.numerals import counted
 from serpent_twin.reservoir.sweep.run import Sweep, report, sweep
@@ -18,7 +23,19 @@ def main(config: Sweep) -> None:
         f"{counted(len(points), 'point')}{note}. {path}: the figures. "
         f"{config.out / 'table.json'}: the table."
     )
-    next_step.say(next_step.after_sweep(config, table))
+    next_step.say(after_sweep(config.out, table))
+
+
+def after_sweep(out: Path, table: Mapping[str, Any]) -> next_step.Words | None:
+    """Collect sessions of the softest arm, which readouts can be trained on."""
+    stiffness = "strand_stiffness"
+    arms = [each for each in table["points"] if stiffness in each["arm"] and not each["failed"]]
+    if not arms:
+        return None
+    softest = min(arms, key=lambda each: each["arm"][stiffness])
+    changed = next_step.changed(Parameters(**softest["arm"]), NOMINAL)
+    rate = softest["point"]["command_rate_hz"]
+    return next_step.step("collect", changed=changed, rate=rate, out=out.parent / "softest")
 
 
 if __name__ == "__main__":

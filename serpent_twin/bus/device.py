@@ -2,12 +2,14 @@
 
 import json
 import signal
+from pathlib import Path
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.emulator.device import Running, running
 from serpent_twin.emulator.device.options import DeviceOptions, build
 from serpent_twin.emulator.device.orders import Orders
+from serpent_twin.runs.files import unused
 
 __all__ = ["Running", "running"]
 
@@ -21,7 +23,8 @@ def main(options: DeviceOptions) -> None:
 
 
 def _hint(port: str) -> str:
-    return next_step.line(next_step.after_device(port))
+    step = next_step.step("examine", port=port, setup=unused(Path("sim.toml")))
+    return next_step.line(step)
 
 
 def _no_hint(port: str) -> str:

@@ -96,7 +96,8 @@ def main(config: Doctor) -> None:  # noqa: D103 tyro would print it above the co
         write_json(config.out, asdict(diagnosis), indent=2)
     if diagnosis.refused:
         sys.exit(1)
-    next_step.say(next_step.after_doctor(setup.port, config.setup))
+    out = Path("first_run")
+    next_step.say(next_step.step("first run", port=setup.port, setup=config.setup, out=out))
 
 
 def _reboot(setup: ArmSetup, motors: tuple[int, ...]) -> None:

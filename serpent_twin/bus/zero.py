@@ -107,7 +107,7 @@ def main(config: Zero) -> None:  # noqa: D103 tyro would print it above the conf
         f"\nThe straight pose is in {config.setup}. Check there that direction is -1 for each motor"
     )
     print("whose positive sense turns its joint down.")
-    next_step.say(next_step.after_zero(config.setup))
+    next_step.say(next_step.step("first run", setup=config.setup, out=Path("first_run")))
 
 
 if __name__ == "__main__":

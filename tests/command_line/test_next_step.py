@@ -1,6 +1,8 @@
 """Test that each command ends with a step that can be typed as it stands."""
 
+import functools
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -13,20 +15,70 @@ from readme import ROOT, options, small
 from trainings import write
 from typed import typed
 
-from serpent_twin import next_step
+from serpent_twin import mocap, next_step, sweep, train
+from serpent_twin.command_line import cli
 from serpent_twin.effects.payload import Payload
 from serpent_twin.emulator.device import running
 from serpent_twin.identification.run import Trace, planned
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect
-from serpent_twin.reservoir.sweep.run import Sweep
 from serpent_twin.sessions import read_folder, read_session, write_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 from serpent_twin.training.train import Train
 from serpent_twin.training.train import planned as trained
 
+CAMERAS = ["--mocap", "natnet", "--labels", *"abcdefghi"]
+FILLED = [
+    ("check", {"machine": "robot", "logs": ("a.csv", "b.csv")}),
+    ("collect", {"twin": "trace/twin.json", "rate": 20.0, "out": "corrected"}),
+    ("collect", {"changed": ["--strand-stiffness", "8000.0"], "out": "softest"}),
+    ("estimate", {"model": "out/models/mlp", "rate": 20.0, "out": "live"}),
+    ("examine", {"port": "/dev/x", "setup": "sim.toml"}),
+    ("export", {"twin": "trace/twin.json", "out": "robot_twin.xml"}),
+    ("first run", {"port": "/dev/x", "setup": "sim.toml", "out": "first_run"}),
+    ("first run", {"changed": CAMERAS, "frame": "frame.json", "out": "first_run"}),
+    ("follow", {"motion": "m.parquet", "arm": "a", "rate": 20.0, "out": "next_logs"}),
+    ("look", {"path": "logs"}),
+    ("replay", {"session": "a.parquet", "out": "a.rrd"}),
+    ("replay", {"session": "a.parquet", "readout": "mlp", "twin": "twin.json", "out": "a.rrd"}),
+    ("set up", {}),
+    ("trace", {"logs": "logs", "rig": "xl330", "out": "trace"}),
+    ("trace", {"logs": ("a", "b"), "machine": "robot", "out": "trace"}),
+    ("train", {"logs": "logs", "out": "readouts"}),
+    ("train", {"logs": "logs", "twin": "trace/twin.json", "out": "readouts"}),
+]
 QUICK = "--readout linear mlp observer"
+
+
+def test_each_row_is_filled_at_least_once_with_all_that_it_takes():
+    for name, row in next_step.STEPS.items():
+        given = {key for filled, values in FILLED if filled == name for key in values}
+        assert set(re.findall(r"{(\w+)}", row)) == given
+
+
+@pytest.mark.parametrize(("name", "given"), FILLED)
+def test_each_step_is_one_that_its_command_takes(name, given, monkeypatch):
+    """Each command parses its words with its own options, and does no more."""
+    parsed, real_run = [], cli.run
+
+    def noted(main):
+        @functools.wraps(main)
+        def note(*words, **options):
+            parsed.append((words, options))
+
+        return note
+
+    def parse(main, argv=None, error_status=1):
+        mains = noted(main) if callable(main) else {n: noted(each) for n, each in main.items()}
+        real_run(mains, argv, error_status)
+
+    given = {key: Path(each) if key == "out" else each for key, each in given.items()}
+    monkeypatch.setattr(cli, "run", parse)
+    module, *words = next_step.step(name, **given)
+    done = typed(module, *words)
+    assert done.returncode == 0, done.stderr
+    assert parsed or "--help" in words
 
 
 def run(command: str, folder: Path) -> str:
@@ -115,49 +167,28 @@ def test_damaged_logs_have_no_next_step(few, tmp_path):
     assert "next:" not in run("python -m serpent_twin.log info bad", tmp_path)
 
 
-def test_a_replay_shows_readout_and_twin_only_where_they_fit(few, tmp_path):
-    at_100_hz = tmp_path / "fast"
-    collect(Collect(at_100_hz, sessions=1, steps=40, rate_hz=100.0, workers=1))
-    model = tmp_path / "no such readout"
-    for twin in (tmp_path / "no_twin.json", None):
-        step = next_step.of_logs.replay(at_100_hz / "session_01.parquet", Path(), model, twin)
-        assert step == [
-            "serpent_twin.replay",
-            str(at_100_hz / "session_01.parquet"),
-            "--out",
-            "fast_session_01.rrd",
-        ]
-
-
 def test_without_a_twin_the_observer_is_told_how_it_is_had(tmp_path):
     (tmp_path / "arm_x").mkdir()
     for number in (1, 2, 3):
         write(tmp_path / "arm_x", make_session(number, rows=170))
     plan = trained(Train(tmp_path / "arm_x", tmp_path / "out"))
-    told = next_step.without_observer(plan)
+    told = train.without_observer(plan)
     steps = [f"python -m serpent_twin.{s}" for s in told.split("python -m serpent_twin.")[1:]]
     tracing, training = (options(shlex.split(step.removesuffix(", then "))) for step in steps)
     assert tracing["--logs"] == training["--logs"] == [str(tmp_path / "arm_x")]
     assert training["--twin"] == [f"{tracing['--out'][0]}/twin.json"]
-    for number in (1, 2, 3):
-        (tmp_path / "arm_x" / f"session_0{number}.parquet").unlink()
-        write(tmp_path / "arm_x", make_session(number, rows=115))
-    plan = trained(Train(tmp_path / "arm_x", tmp_path / "out"))
-    assert next_step.trace(plan) is None  # shorter than what a trace takes
-    assert "--twin" in next_step.without_observer(plan)
 
 
 def test_of_readouts_as_good_the_quickest_is_followed(tmp_path):
     each = {"a": (2.00, 18.0), "b": (2.05, 1.6), "c": (2.3, 0.1)}
     scores = {"readouts": {n: {"mean_mm": e, "latency_ms": t} for n, (e, t) in each.items()}}
-    ranked = [path.name for path in next_step.of_logs._best_first(tmp_path, scores)]
-    assert ranked == ["b", "a", "c"]
+    assert train.best_readout(tmp_path, scores).name == "b"
     scores["adapt"] = {
         "windows": {
             "a": {"0": {"mean_mm": 9.0, "latency_ms": 1}, "all": {"mean_mm": 1.0, "latency_ms": 1}}
         }
     }
-    assert next_step.of_logs._best_first(tmp_path, scores)[0] == tmp_path / "adapted" / "all" / "a"
+    assert train.best_readout(tmp_path, scores) == tmp_path / "adapted" / "all" / "a"
 
 
 def test_a_swept_arm_is_collected_from(tmp_path):
@@ -167,7 +198,7 @@ def test_a_swept_arm_is_collected_from(tmp_path):
         {"arm": a, "failed": f, "point": {"command_rate_hz": 20.0}}
         for a, f in ((arm, []), (softer, ["body"]), ({"load_noise": 0.01}, []))
     ]
-    step = next_step.after_sweep(Sweep(tmp_path / "sweep"), {"points": points})
+    step = sweep.after_sweep(tmp_path / "sweep", {"points": points})
     assert step
     step[-1] = "softest"
     found = options(step)
@@ -175,7 +206,7 @@ def test_a_swept_arm_is_collected_from(tmp_path):
     run(fewer(f"python -m {shlex.join(step)}"), tmp_path)
     about = read_folder(tmp_path / "softest")[0].metadata["config"]["parameters"]
     assert about["strand_stiffness"] == 8000.0 and about["strand_slack"] == 3e-4
-    assert next_step.after_sweep(Sweep(tmp_path / "sweep"), {"points": points[1:]}) is None
+    assert sweep.after_sweep(tmp_path / "sweep", {"points": points[1:]}) is None
 
 
 @pytest.mark.slow
@@ -214,12 +245,12 @@ def test_a_frame_is_used_by_a_run_that_can_begin(tmp_path, monkeypatch):
     from serpent_twin.hardware.xl430 import CENTRE
 
     there = NatNet(server="10.0.0.7", labels=tuple("abcdefghi"))
-    step = next_step.after_frame(Path("base.json"), there)
+    step = mocap.after_frame(Path("base.json"), there)
     assert step == ["serpent_twin.bus.doctor", "--help"]  # no arm is set up here
     IDENTITY.save(Path("base.json"))
     with running("--lockstep") as device:
         write_setup(ArmSetup(device.port, zero=(CENTRE,) * 10, path=Path("arm.toml")))
-        step = next_step.after_frame(Path("base.json"), there)
+        step = mocap.after_frame(Path("base.json"), there)
     assert options(step) == {
         "": ["serpent_twin.collect"],
         "--backend": ["real"],

@@ -12,8 +12,8 @@ from serpent_twin.identification.next_motion import next_motion
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.xl330 import Xl330
-from serpent_twin.next_step import after_plan
-from serpent_twin.next_step.words import typed
+from serpent_twin.next_step import typed
+from serpent_twin.plan import after_plan
 from serpent_twin.planning import evidence, traced
 from serpent_twin.planning.criterion import chosen
 from serpent_twin.planning.run import PIECE, questions
