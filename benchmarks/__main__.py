@@ -15,11 +15,11 @@ from serpent_twin.errors import SerpentError
 NAMES = (
     "collect_speed",
     "trace_speed",
-    "whole_trace",
     "any_model_speed",
     "right_names",
     "sweep_speed",
     "estimate_speed",
+    "structure",
 )
 
 

@@ -9,11 +9,12 @@ from serpent_twin.reporting.report import Section, Table
 
 TITLES = {
     "collect_speed": "Collecting sessions",
-    "trace_speed": "The parts of a trace",
-    "whole_trace": "A whole trace",
+    "trace_speed": "A trace and its parts, beside an earlier version",
     "any_model_speed": "A trace of any model",
+    "right_names": "Arms of earlier studies, traced again",
     "sweep_speed": "Sweeping compliance",
     "estimate_speed": "One estimate, on one core",
+    "structure": "The code",
 }
 _TEXT = """Ratios are to bare MuJoCo that takes as many steps of the same model in the same run. Times
 depend on the machine and on what else it does; the load average before a benchmark began is the number

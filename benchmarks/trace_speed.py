@@ -1,110 +1,102 @@
-"""Measure what a trace costs, how the cost grows, and how much of it is physics.
+"""Measure the processor time of a trace and of its parts, beside an earlier commit in the same run.
 
-The peer is the same batch of the same models stepped as often without anything else, in the same run.
-Printed besides: cost against segments of logs and against designs tried, a score test of every candidate
-against one of half of them, and memory.
+Both trees compute alternately on the same logs, of the arm and of a robot that the package does not know, so
+that what else the machine does slows both alike.
 """
 
-import resource
+import io
+import json
+import os
+import subprocess
+import sys
+import tarfile
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from benchmarks.rows import BenchmarkRows, ratio, seconds
+from benchmarks.frozen_cases import ROOT, processor_time
+from benchmarks.rows import BenchmarkRows
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.score_test import scores
-from serpent_twin.machines.arm import ArmRig
-from serpent_twin.machines.arm.machine import ArmMachine
-from serpent_twin.machines.arm.pieces import ArmPieces
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.numerals import counted
-from serpent_twin.sim.many_twins import TIMESTEP
-from serpent_twin.sim.stepper import side_by_side
+from serpent_twin.errors import SerpentError
 from serpent_twin.stored import within
 
-DATA = Path(__file__).resolve().parent.parent / "data" / "arm_a"
+_STEPS = Path(__file__).with_name("step_times.py")
+_SHARED = ROOT.parent / "shared"
 
 
 @dataclass(frozen=True)
 class TraceSpeed(Checked):
-    """Measure the parts of a trace."""
+    """Measure a residual, a derivative and a trace beside an earlier commit."""
 
-    logs: Path = DATA
-    """Folder with the session logs of one arm."""
-    designs: Annotated[int, within(2, 10_000)] = 24
-    """Designs simulated side by side."""
-    rounds: Annotated[int, within(1, 1000)] = 3
+    commit: str = "1f65653"
+    """The earlier commit."""
+    shared: Path = _SHARED
+    """Folder of logs that are no part of the project; without it only the arm is measured."""
+    rounds: Annotated[int, within(1, 1000)] = 2
     """Times that each pair is measured; the median ratio counts."""
+    trace: bool = True
+    """Also measure short traces, minutes each."""
     out: Path | None = None
     """JSON file for the rows."""
 
 
-def bare(arm: ArmMachine, points: list[ParameterVector], pieces: ArmPieces) -> float:
-    """Seconds for the same physics alone."""
-    models = [arm.vector.design(point).spec(motors=False).compile() for point in points]
-    for model in models:
-        model.opt.timestep = TIMESTEP
-    batch = side_by_side([m for m in models for _ in range(len(pieces))], 0)
-    steps = round(np.ptp(pieces.motors.time[0]) / TIMESTEP)
+def checked_out(commit: str, folder: Path) -> Path:
+    """The files of a commit, in a folder."""
+    done = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True)
+    if done.returncode:
+        raise SerpentError(f"there is no commit {commit} here: {done.stderr.decode().strip()}")
+    with tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
+        archive.extractall(folder, filter="data")
+    return folder
 
-    def run() -> None:
-        for _ in range(steps):
-            batch.step()
 
-    return seconds(run)
+def steps(tree: Path, machine: tuple[str, ...]) -> dict[str, float]:
+    """Processor time [s] of a residual and of a derivative."""
+    environment = os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
+    words = [sys.executable, str(_STEPS), *machine]
+    done = subprocess.run(words, cwd=tree, env=environment, check=True, stdout=subprocess.PIPE)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def traced(tree: Path, logs: str, machine: tuple[str, ...]) -> dict[str, float]:
+    """Processor time [s] of a trace of two sessions by named effects."""
+    words = ["-m", "serpent_twin.trace", "--logs", logs, "--sessions", "2", "--no-discover"]
+    words += [word for path in machine for word in ("--machine", path)]
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        words += ["--out", str(out / "trace")]
+        return {"trace": processor_time(words, tree, out / "said.log")}
 
 
 def main(config: TraceSpeed) -> None:
-    """Print ratios: physics alone to a trace's simulation, and how cost grows."""
+    """Print processor times, and their ratios to those of the earlier commit."""
     rows = BenchmarkRows()
-    sessions = ArmRig().read(config.logs)
-    case = ArmRig().open(sessions)
-    arm, every = case.machine, case.pieces(sessions)
-    assert isinstance(arm, ArmMachine)
-    few, many = (case.take(every, range(n)) for n in (len(every) // 2, len(every) // 2 * 2))
-    rng = np.random.default_rng(0)
-    points = [
-        ParameterVector(0.05 * rng.standard_normal(len(case.declared)))
-        for _ in range(config.designs)
-    ]
-    half = points[: config.designs // 2]
-    print(
-        f"{len(few)} and {counted(len(many), 'segment')}, {len(half)} and {counted(len(points), 'design')}"
-    )
-
-    def simulated(of: list[ParameterVector], pieces: ArmPieces) -> float:
-        return seconds(lambda: case.residual(of, pieces))
-
-    def small() -> float:
-        return simulated(half, few)
-
-    found = ratio(lambda: bare(arm, points, few), lambda: simulated(points, few), config.rounds)
-    rows.add("bare physics to the residuals of as many designs", found, "", "at least 0.8")
-    twice = ratio(lambda: simulated(half, many), small, config.rounds)
-    rows.add("twice the segments to half of them", twice)
-    twice = ratio(lambda: simulated(points, few), small, config.rounds)
-    rows.add("twice the designs to half of them", twice)
-
-    start = ParameterVector.nominal(case.declared)
-    base = fit(case, every, start, free_parameters(case, ()), 1, 3, steps=0)
-    names = list(case.candidates)
-
-    def tested(some: list[str]) -> float:
-        return seconds(lambda: scores(case, every, base, [case.candidates[n] for n in some]))
-
-    first = [tested([name]) for name in names]
-    for name, cost in zip(names, first, strict=True):
-        rows.add(f"score test of {name} to the median of all", cost / np.median(first), "×")
-    together = tested(names) / sum(first)
-    rows.add("score tests of all candidates at once to one after the other", together)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    rows.add("peak memory", peak, "MB")
+    machines = {"arm": (str(ROOT / "data" / "arm_a"),)}
+    scara = config.shared / "strangers" / "scara"
+    if scara.exists():
+        machines["scara"] = (str(scara / "logs"), str(scara))
+    with tempfile.TemporaryDirectory() as folder:
+        earlier = checked_out(config.commit, Path(folder))
+        for name, (logs, *machine) in machines.items():
+            pairs = []
+            for n in range(config.rounds):
+                pairs.append([steps(tree, (logs, *machine)) for tree in (ROOT, earlier)])
+                if config.trace and not n:
+                    whole = [traced(tree, logs, tuple(machine)) for tree in (ROOT, earlier)]
+                    _add(rows, name, config.commit, [whole])
+            _add(rows, name, config.commit, pairs)
     rows.write(config.out)
+
+
+def _add(rows: BenchmarkRows, name: str, commit: str, pairs: list) -> None:
+    for part in pairs[0][0]:
+        now, before = np.array([[each[part] for each in pair] for pair in pairs]).T
+        rows.add(f"{part} of the {name}: processor time", float(np.median(now)), "s")
+        rows.add(f"the same to that by {commit}", float(np.median(now / before)), "", "at most 1")
 
 
 if __name__ == "__main__":
