@@ -34,7 +34,7 @@ class Commands:
         self._several, self._prior = effects.stacked([several]), prior_runtime
         self.names = [effects.name_of(each) for each in several]
         self._count = len(table.scale)
-        self._actuators = [model.actuator(n).name for n in range(self._count)]
+        self._actuators = {"actuator": [model.actuator(n).name for n in range(self._count)]}
         self.needed = bool(self._several) or table.beside
         """Whether controls are to be changed at all"""
         self._delay = model.actuator_delay.copy()
@@ -75,7 +75,10 @@ class Commands:
         late = np.zeros(self._model.nu)
         for each in self._commanded:
             for n in range(self._count):
-                if isinstance(each, CommandDelay) and each.at in ("", self._actuators[n]):
+                if isinstance(each, CommandDelay) and each.at in (
+                    "",
+                    self._actuators["actuator"][n],
+                ):
                     late[n] += each.delay
         return late
 

@@ -7,23 +7,20 @@ are printed in a diagnosis. The file's name is the effect's name: nothing else i
 the trace find an effect here.
 """
 
+from serpent_twin.effects.acting import act, begin, longest_step, stack, stacked
 from serpent_twin.effects.effect import (
     CABLE,
     READING,
     Effect,
     Range,
     Several,
-    act,
-    begin,
     edit,
-    longest_step,
     parameter,
     ranges,
-    stack,
-    stacked,
     strengths,
 )
-from serpent_twin.effects.moment import Geared, Instant, Moment, TorqueDriven, Wound
+from serpent_twin.effects.instant import Instant
+from serpent_twin.effects.moment import Moment
 from serpent_twin.effects.registry import (
     KNOWN,
     Stored,
@@ -43,15 +40,12 @@ __all__ = [
     "KNOWN",
     "READING",
     "Effect",
-    "Geared",
     "Instant",
     "Moment",
     "Range",
     "Several",
     "Stored",
     "StoredAnywhere",
-    "TorqueDriven",
-    "Wound",
     "act",
     "begin",
     "by_name",

@@ -1,26 +1,26 @@
-"""Read and change an instant of the arm at the places that laws name."""
+"""Say what laws at the arm's places do to its joints and markers."""
 
-from collections.abc import Sequence
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames, markers_on
 from serpent_twin.arrays import Array, cross
+from serpent_twin.effects.instant import force_on
 from serpent_twin.effects.law import (
     ACTUATOR_COMMAND,
+    FORCES,
     HANDLES,
-    POSITIONS,
+    QUANTITIES,
     READING_SHIFT,
     READINGS,
-    SPRING,
-    Law,
 )
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
 
+MARKERS = tuple(f"marker{i}" for i in range(1, N_JOINTS + 1))
+LOADS = tuple(f"{name}_load" for name in mjcf.MOTORS)
 NAMES = {
     "joint": mjcf.JOINTS,
     "actuator": mjcf.MOTORS,
@@ -29,28 +29,31 @@ NAMES = {
     "frame": ("base",),
     "session": ("session",),
     "machine": ("machine",),
+    "marker": MARKERS,
+    "load": LOADS,
 }
-"""Of the places of each kind; sensors are `MARKERS` and `LOADS`"""
-MARKERS = tuple(f"marker{i}" for i in range(1, N_JOINTS + 1))
-LOADS = tuple(f"{name}_load" for name in mjcf.MOTORS)
+"""Of the places of each kind"""
+KINDS = {
+    **{name: each.kind for name, each in QUANTITIES.items()},
+    "marker_shift": "marker",
+    **dict.fromkeys(("load_shift", "load_scale"), "load"),
+}
+"""Of the places at which each quantity is"""
 _OF_MODELS = (ACTUATOR_COMMAND, READING_SHIFT)
-"""What laws change of other machines alone"""
+CHANGED = tuple(name for name in HANDLES if name not in _OF_MODELS)
+"""What laws change of the arm"""
+FOLLOWED = tuple(name for name in READINGS if name not in (ACTUATOR_COMMAND, "time", "runtime"))
+"""What they follow besides clocks"""
+PULLS = (*FORCES, "acceleration")
+"""What of that acts on the joints as torques"""
+SHIFTS = ("marker_shift", "camera_shift", "link_turn", "camera_turn")
+"""And what moves the markers as they are seen"""
 JOINT_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
 LINK_MASS = np.array(ARM.link_mass)
 _MASS_BEYOND = np.cumsum(LINK_MASS[::-1])[::-1, None]
 """Of each link and all beyond [kg], (9, 1)"""
 _COM.setflags(write=False)
-
-
-@cache
-def names_of(handle: str) -> tuple[str, ...]:
-    """The places at which a law may change a quantity; raises a `SerpentError` if the arm lacks it."""
-    if handle in _OF_MODELS:
-        there = listed([each for each in HANDLES if each not in _OF_MODELS])
-        raise SerpentError(f"no law changes {handle} here; there are: {there}.")
-    sensors = {"marker_shift": MARKERS, "load_shift": LOADS, "load_scale": LOADS}
-    return sensors[handle] if handle in sensors else NAMES[HANDLES[handle].kind]
 
 
 @cache
@@ -61,72 +64,25 @@ def column(names: tuple[str, ...], place: str) -> int:
     return names.index(place)
 
 
-def reading_of(moment: Any, law: Law) -> Array:
-    """What a law follows, (n, 1); of a constant, zeros."""
-    if (clock := law.clock(moment.time, moment.prior_runtime)) is not None:
-        return clock
-    at = column(NAMES[READINGS[law.reading][0]], law.where)
-    if law.reading in POSITIONS:
-        axis = POSITIONS.index(law.reading)
-        return _marker(moment.joint_angle, at)[:, axis : axis + 1]
-    return getattr(moment, law.reading)[:, at : at + 1]
-
-
-def change(moment: Any, law: Law, sizes: Sequence[Array | float]) -> None:
-    """Change what a law changes, by sizes (n, 1) of each of its components."""
-    at = column(names_of(law.handle), law.place)
-    if law.handle in ("force", "force_in_body", SPRING, "acceleration"):
-        moment.joint_torque = moment.joint_torque + _torque(moment.joint_angle, law, at, sizes)
-    elif law.handle == "camera_delay":
-        moment.marker_shift = moment.marker_shift - _travelled(moment, sizes[0])
-    elif law.handle in ("marker_shift", "camera_shift", "link_turn", "camera_turn"):
-        moment.marker_shift = moment.marker_shift + _shift(moment.joint_angle, law, at, sizes)
-    elif law.handle == "joint_friction":
-        more = np.zeros_like(moment.joint_friction)
-        more[:, at : at + 1] = sizes[0]
-        moment.joint_friction = moment.joint_friction + np.maximum(more, 0.0)
-    else:
-        changed = np.array(np.broadcast_to(getattr(moment, law.handle), _shape(moment, law)))
-        changed[:, at : at + 1] += sizes[0]
-        if HANDLES[law.handle].only_more:
-            changed = np.maximum(changed, 0.0)
-        setattr(moment, law.handle, changed)
-
-
-def _marker(q: Array, link: int) -> Array:
+def marker(q: Array, link: int) -> Array:
     """Position of a link's marker in the base frame [m], (n, 3)."""
     origin, rotation = link_frames(q)
     return origin[:, link] + rotation[:, link] @ ARM.markers_in_links[link]
 
 
-def _shape(moment: Any, law: Law) -> tuple[int, int]:
-    return len(moment.time), len(names_of(law.handle))
-
-
-def _vector(sizes: Sequence[Array | float], n: int) -> Array:
-    """Several components, (n, d)."""
-    out = np.empty((n, len(sizes)))
-    for i, each in enumerate(sizes):
-        out[:, i : i + 1] = each
-    return out
-
-
-def _torque(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array:
+def torque(q: Array, handle: str, at: int, size: Array) -> Array:
     """Torque of a force on a link, or of the inertia of all links, on the joints [N m], (n, 9)."""
-    vector, out = _vector(sizes, len(q)), np.zeros_like(q)
-    moved = slice(None if law.handle == "acceleration" else at + 1)  # the joints before the link
+    out = np.zeros_like(q)
+    moved = slice(None if handle == "acceleration" else at + 1)  # the joints before the link
     origin, rotation = link_frames(q[:, moved])
     axis = (rotation @ JOINT_AXES[moved, :, None])[..., 0]
-    if law.handle == "acceleration":
+    if handle == "acceleration":
         weighed = LINK_MASS[:, None] * centres_of_mass(origin, rotation)
         beyond = np.cumsum(weighed[:, ::-1], axis=1)[:, ::-1] - _MASS_BEYOND * origin
-        return _triple(axis, beyond, -vector[:, None])
-    if law.handle == "force_in_body":
-        vector = np.einsum("nxy,ny->nx", rotation[:, at], vector)
+        return _triple(axis, beyond, -size[:, None])
     com = origin[:, at] + rotation[:, at] @ _COM[at]
-    if law.handle == SPRING:
-        vector = vector[:, :3] - vector[:, 3:] * com
-    out[:, moved] = _triple(axis, com[:, None] - origin, vector[:, None])
+    force = force_on(handle, size, rotation[:, at], com)
+    out[:, moved] = _triple(axis, com[:, None] - origin, force[:, None])
     return out
 
 
@@ -138,31 +94,30 @@ def _triple(a: Array, b: Array, c: Array) -> Array:
     return np.asarray(out)
 
 
-def _travelled(moment: Any, time: Array | float) -> Array:
-    """How far the markers go in a short time (n, 1) at the speed that they have [m], (n, 9, 3)."""
-    origin, rotation = link_frames(moment.joint_angle)
-    axis = (rotation @ JOINT_AXES[..., None])[..., 0]
-    turning = np.cumsum(moment.joint_velocity[..., None] * axis, axis=1)
-    by_joint = cross(moment.joint_velocity[..., None] * axis, origin)
-    speed = cross(turning, markers_on(origin, rotation)) - np.cumsum(by_joint, axis=1)
-    return np.asarray(time)[..., None] * speed
-
-
-def _shift(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array:
-    """Shift of the markers in the base frame [m], (n, 9, 3)."""
-    vector = _vector(sizes, len(q))
-    if law.handle == "camera_shift":
-        return np.repeat(vector[:, None], N_JOINTS, axis=1)
+def travelled(q: Array, speed: Array, time: Array) -> Array:
+    """How far the markers go in a short time (n, 1) at the speed of the joints [m], (n, 9, 3)."""
     origin, rotation = link_frames(q)
-    out = np.zeros((len(q), N_JOINTS, 3))
-    if law.handle == "marker_shift":
-        out[:, at] = np.einsum("nxy,ny->nx", rotation[:, at], vector)
-        return out
+    axis = (rotation @ JOINT_AXES[..., None])[..., 0]
+    turning = np.cumsum(speed[..., None] * axis, axis=1)
+    by_joint = cross(speed[..., None] * axis, origin)
+    velocity = cross(turning, markers_on(origin, rotation)) - np.cumsum(by_joint, axis=1)
+    return time[..., None] * velocity
+
+
+def shift(q: Array, handle: str, at: int, size: Array) -> Array:
+    """Shift of the markers in the base frame [m], (n, 9, 3)."""
+    if handle == "camera_shift":
+        return np.repeat(size[:, None], N_JOINTS, axis=1)
+    origin, rotation = link_frames(q)
     marker = markers_on(origin, rotation)
-    if law.handle == "camera_turn":
-        return cross(vector[:, None], marker)
-    turn = np.einsum("nxy,ny->nx", rotation[:, at], vector)
-    out[:, at:] = cross(turn[:, None], marker[:, at:] - origin[:, at, None])
+    if handle == "camera_turn":
+        return cross(size[:, None], marker)
+    out = np.zeros((len(q), N_JOINTS, 3))
+    vector = np.einsum("nxy,ny->nx", rotation[:, at], size)
+    if handle == "marker_shift":
+        out[:, at] = vector
+    else:
+        out[:, at:] = cross(vector[:, None], marker[:, at:] - origin[:, at, None])
     return out
 
 

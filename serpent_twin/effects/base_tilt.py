@@ -1,7 +1,6 @@
 """Tilt the base: gravity is not along its x axis."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -23,9 +22,9 @@ class BaseTilt(Effect):
     about_z: float = parameter("rad", low=-0.5, high=0.5, typical=0.03)
     """[rad]"""
 
-    shows_in: ClassVar[str] = "a pose and loads that lean one way, in every session alike"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload", "constant_force")
-    needs: ClassVar[frozenset[str]] = frozenset({"base"})
+    shows_in = "a pose and loads that lean one way, in every session alike"
+    confused_with = ("payload", "constant_force")
+    needs = frozenset({"base"})
 
     @property
     def strength(self) -> float:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,17 +30,11 @@ class CableCreep(Effect):
     strand: float = on_strands()
     """On which strands, as `on_strands` counts them; −1 for all"""
 
-    shows_in: ClassVar[str] = (
-        "error that builds up over a minute while a pose is held, and recovers"
-    )
-    places: ClassVar[tuple[str, ...]] = ("tendon", "actuator")
-    confused_with: ClassVar[tuple[str, ...]] = (
-        "cable_stiffening",
-        "clamp_slip",
-        "stiffness_drift",
-    )
-    simplified: ClassVar[float] = 0.05
-    remembers: ClassVar[bool] = True
+    shows_in = "error that builds up over a minute while a pose is held, and recovers"
+    places = ("tendon", "actuator")
+    confused_with = ("cable_stiffening", "clamp_slip", "stiffness_drift")
+    simplified = 0.05
+    remembers = True
 
     def start(self, moment: Moment) -> Array:
         """Strands that have rested: no elongation [m], (n, 20)."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -40,12 +40,12 @@ class CableFriction(Effect):
     strand: float = on_strands()
     """On which strands, as `on_strands` counts them; −1 for all"""
 
-    shows_in: ClassVar[str] = "lag behind the motors that grows with the cables' tension, and loads"
-    places: ClassVar[tuple[str, ...]] = ("tendon",)
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "gear_friction")
-    simplified: ClassVar[float] = 0.05
-    remembers: ClassVar[bool] = False
-    stage: ClassVar[int] = LOSS
+    shows_in = "lag behind the motors that grows with the cables' tension, and loads"
+    places = ("tendon",)
+    confused_with = ("gear_backlash", "gear_friction")
+    simplified = 0.05
+    remembers = False
+    stage = LOSS
 
     @classmethod
     def variants(cls) -> Several:

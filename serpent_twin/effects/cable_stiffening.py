@@ -1,7 +1,6 @@
 """Let cables' stiffness grow with its stretch."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 
@@ -24,10 +23,10 @@ class CableStiffening(Effect):
     strand: float = on_strands()
     """On which strands, as `on_strands` counts them; −1 for all"""
 
-    places: ClassVar[tuple[str, ...]] = ("tendon",)
-    shows_in: ClassVar[str] = "error that grows with tension, less than in proportion"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "joint_elasticity")
-    simplified: ClassVar[float] = 0.05
+    places = ("tendon",)
+    shows_in = "error that grows with tension, less than in proportion"
+    confused_with = ("cable_creep", "joint_elasticity")
+    simplified = 0.05
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Give the strands' springs their second coefficient."""

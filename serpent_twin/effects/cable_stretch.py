@@ -1,7 +1,6 @@
 """Let a cable that is rigid in the twin stretch under its load."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 
@@ -24,10 +23,10 @@ class CableStretch(Effect):
     compliance: float = parameter("rad/(N m)", high=10.0, typical=0.5)
     """[rad/(N m)]"""
 
-    shows_in: ClassVar[str] = "a load that gives way in proportion to its torque"
-    confused_with: ClassVar[tuple[str, ...]] = ("shaft_stretch", "cable_stiffening")
-    stage: ClassVar[int] = WINDING
-    needs: ClassVar[frozenset[str]] = frozenset({"cable"})
+    shows_in = "a load that gives way in proportion to its torque"
+    confused_with = ("shaft_stretch", "cable_stiffening")
+    stage = WINDING
+    needs = frozenset({"cable"})
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Soften the tendon."""

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +34,11 @@ class ClampSlip(Effect):
     strand: float = on_strands(before=None)
     """Whose clamps, as `on_strands` counts them; −1 for all"""
 
-    shows_in: ClassVar[str] = "error that jumps or grows when a strand is pulled hard, and stays"
-    places: ClassVar[tuple[str, ...]] = ("tendon",)
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "stiffness_drift")
-    simplified: ClassVar[float] = 0.05
-    remembers: ClassVar[bool] = True
+    shows_in = "error that jumps or grows when a strand is pulled hard, and stays"
+    places = ("tendon",)
+    confused_with = ("cable_creep", "stiffness_drift")
+    simplified = 0.05
+    remembers = True
 
     def start(self, moment: Moment) -> Array:
         """Tight clamps: no elongation [m], (n, 20)."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import ceil
-from typing import ClassVar
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects.delayed import delay_by
 from serpent_twin.effects.effect import COMMAND, Effect, parameter, ranges
-from serpent_twin.effects.moment import Told
 
 
 @dataclass(frozen=True)
@@ -25,11 +24,11 @@ class CommandDelay(Effect):
     delay: float = parameter("s", high=0.5, typical=0.1)
     """[s]"""
 
-    shows_in: ClassVar[str] = "all that servos move comes late by the same, at every speed and load"
-    confused_with: ClassVar[tuple[str, ...]] = ("mocap_latency", "servo_sag")
-    remembers: ClassVar[bool] = False
-    stage: ClassVar[int] = COMMAND
-    needs: ClassVar[frozenset[str]] = frozenset({"goal"})
+    shows_in = "all that servos move comes late by the same, at every speed and load"
+    confused_with = ("mocap_latency", "servo_sag")
+    remembers = False
+    stage = COMMAND
+    needs = frozenset({"goal"})
 
     def export(self, spec: mujoco.MjSpec) -> bool:
         """Delay the actuators' commands."""
@@ -38,12 +37,12 @@ class CommandDelay(Effect):
                 delay_by(spec, each, self.delay)
         return True
 
-    def start(self, moment: Told) -> "Past":
+    def start(self, moment: Any) -> "Past":
         """Goals of the last time steps, as if they had always been these."""
         steps = ceil(ranges(type(self))["delay"].high / float(np.min(moment.dt))) + 2
         return Past(np.tile(moment.goal, (steps, 1, 1)))
 
-    def act(self, moment: Told, memory: "Past") -> None:
+    def act(self, moment: Any, memory: "Past") -> None:
         """Give the servos a delayed goal."""
         memory.keep(moment.goal)
         ago = np.broadcast_to(self.delay / moment.dt, (len(moment.goal), 1))

@@ -1,7 +1,6 @@
 """Let something outside pull at the arm, always by the same force."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -32,11 +31,9 @@ class ConstantForce(Effect):
     place: float = parameter("m", high=0.6, typical=0.5, default=0.5, step=0.02)
     """Distance of the point from joint 1 along the straight arm [m]"""
 
-    places: ClassVar[tuple[str, ...]] = ("site", "body")
-    shows_in: ClassVar[str] = (
-        "a pose and loads that lean one way, beyond one point of the arm more than before"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("base_tilt", "payload")
+    places = ("site", "body")
+    shows_in = "a pose and loads that lean one way, beyond one point of the arm more than before"
+    confused_with = ("base_tilt", "payload")
 
     @property
     def strength(self) -> float:

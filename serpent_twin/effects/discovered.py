@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -50,10 +50,10 @@ class Discovered(Effect):
     most: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
     """Most"""
 
-    shows_in: ClassVar[str] = "what no named effect explains"
-    stage: ClassVar[int] = LOSS
-    remembers: ClassVar[bool] = False  # a guess does where nothing is known of the past
-    needs: ClassVar[frozenset[str]] = frozenset({"law_at"})
+    shows_in = "what no named effect explains"
+    stage = LOSS
+    remembers = False  # a guess does where nothing is known of the past
+    needs = frozenset({"law_at"})
 
     def __post_init__(self) -> None:
         super().__post_init__()

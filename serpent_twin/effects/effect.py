@@ -3,12 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import isfinite
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects.law_shape import FORMS
+from serpent_twin.effects.links import add_to, let_hold
 from serpent_twin.errors import SerpentError
 
 
@@ -29,6 +31,8 @@ class Range:
     """What holds in files that were written before it was a parameter; None: every file has it"""
     within: Callable[[float], tuple[float, ...]] | None = None
     """Of a parameter that is a place: the places within one, such as the cables of an arm"""
+    adds_to: str = ""
+    """The field of MJCF that it adds to where its effect is, such as `joint.stiffness.2`"""
     limit: str = ""
     """The law that its high end is, in words; nothing: an effect that runs there stands for another"""
     form: bool = False
@@ -111,6 +115,9 @@ class Effect:
     independent arms were off by as much."""
     stage: ClassVar[int] = CABLE
     """When in a time step it acts."""
+    law: ClassVar[str] = ""
+    """What of the moment its first parameter adds to, times a form of a reading that may have the second, as
+    `gear_friction: near_rest joint_velocity`: such an effect has no `act` of its own."""
     needs: ClassVar[frozenset[str]] = frozenset()
     """Names of what it acts on that not every machine has: elements of the model, quantities of the
     moment."""
@@ -166,7 +173,12 @@ class Effect:
         return frozenset({self.at})
 
     def edit(self, spec: mujoco.MjSpec) -> None:
-        """Write into the machine's spec what MJCF can express of it."""
+        """Write into the machine's spec what MJCF can express of it; friction at a joint lets that stick."""
+        for name, known in ranges(type(self)).items():
+            if known.adds_to:
+                add_to(spec, known.adds_to, self.at, getattr(self, name))
+        if self.at and self.law.startswith("gear_friction"):
+            let_hold(spec, self.at)
 
     def export(self, spec: mujoco.MjSpec) -> bool:
         """Write into a spec to be given away what MJCF can express of `act`; whether it is all."""
@@ -177,6 +189,11 @@ class Effect:
 
     def act(self, moment: Any, memory: Any) -> None:
         """Change one time step of n runs, and the memory, in place."""
+        if self.law:
+            quantity, form, reading = self.law.replace(":", "").split()
+            size, *others = (getattr(self, name) for name in ranges(type(self)))
+            change = size * FORMS[form](getattr(moment, reading), *others)
+            setattr(moment, quantity, getattr(moment, quantity) + change)
 
     def here(self, moment: Any) -> Any:
         """The moment as it is where the effect acts."""
@@ -204,10 +221,9 @@ class Effect:
     @classmethod
     def acts(cls) -> bool:
         """Whether it does more than `edit` expresses, so that Python runs in every time step."""
-        return cls.act is not Effect.act
+        return bool(cls.law) or cls.act is not Effect.act
 
 
-E = TypeVar("E", bound=Effect)
 Several = tuple[Effect, ...]
 """At most one of each kind."""
 
@@ -229,73 +245,8 @@ def strengths(known: Mapping[str, Range]) -> tuple[str, ...]:
     )
 
 
-def stacked(several: Sequence[Sequence[Effect]]) -> list[Effect]:
-    """The acting effects of n runs, each kind as one of n rows, in the order in which they act."""
-    rows, kinds = [], {(type(effect), effect.at) for each in several for effect in each}
-    for kind, at in sorted(kinds, key=lambda each: (each[0].stage, each[0].__name__, each[1])):
-        if kind.acts():
-            of = [
-                next((e for e in each if (type(e), e.at) == (kind, at)), None) for each in several
-            ]
-            rows.append(stack([e or kind(at=at) for e in of]))
-    return rows
-
-
-def longest_step(effects: Sequence[Effect], moment: Any, runs: int) -> Array:
-    """Longest time step that all memories of each run follow [s], (runs,); inf where none remembers."""
-    longest = np.full(runs, np.inf)
-    for effect in effects:
-        own = np.broadcast_to(np.atleast_2d(effect.longest_step(moment)).min(axis=1), runs)
-        longest = np.minimum(longest, own)
-    return longest
-
-
 def edit(spec: mujoco.MjSpec, effects: Sequence[Effect]) -> None:
     """Write into a machine's spec what MJCF can express of the effects that are there, in their order."""
     for effect in sorted(effects, key=lambda effect: effect.stage):
         if not effect.absent:
             effect.edit(spec)
-
-
-def begin(effects: Sequence[Effect], moment: Any) -> list[Any]:
-    """The memories of effects at the beginning of runs."""
-    return [_alone(effect.start, effect, effect.here(moment)) for effect in effects]
-
-
-def act(effects: Sequence[Effect], moment: Any, memories: Sequence[Any]) -> None:
-    """Let effects change one time step, one after the other; raises a `SerpentError` that names an effect
-    which reads what the moment lacks, or changes what the simulation does not use.
-    """
-    for effect, memory in zip(effects, memories, strict=True):
-        _alone(effect.act, effect, effect.here(moment), memory)
-
-
-def _alone(do: Callable[..., Any], effect: Effect, moment: Any, *memory: Any) -> Any:
-    try:
-        return do(moment, *memory)
-    except (SerpentError, AttributeError, ValueError) as error:
-        if not (why := _refused(error, moment)):
-            raise
-        raise SerpentError(f"the effect {type(effect).__name__} cannot act here: {why}") from error
-
-
-def _refused(error: Exception, moment: Any) -> str:
-    """Why a moment refused an effect, or nothing if it did not."""
-    if isinstance(error, SerpentError):
-        return str(error)
-    if isinstance(error, AttributeError) and error.obj is moment:
-        return (
-            f"it needs {error.name}, which this machine's moment lacks. Leave it out of this twin."
-        )
-    if "read-only" in str(error):
-        return "it writes into an array that effects read and do not change. Let it change a copy."
-    return ""
-
-
-def stack(effects: Sequence[E]) -> E:
-    """One effect for n runs: its fields are the given ones' as (n, 1) arrays."""
-    columns: dict[str, Array] = {
-        name: np.array([[getattr(effect, name)] for effect in effects])
-        for name in ranges(type(effects[0]))
-    }
-    return replace(effects[0], **columns)

@@ -1,7 +1,6 @@
 """Let a drive give no more force than a limit below its model's."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 
@@ -19,9 +18,9 @@ class ForceLimit(Effect):
     reciprocal: float = parameter("1/(N m)", high=100.0, typical=1.0)
     """r, one divided by the limit [1/(N m)]; 0 is no limit but the model's"""
 
-    places: ClassVar[tuple[str, ...]] = ("actuator",)
-    shows_in: ClassVar[str] = "joints that lag or sag where much force is needed, and nowhere else"
-    confused_with: ClassVar[tuple[str, ...]] = ("torque_saturation", "servo_lag")
+    places = ("actuator",)
+    shows_in = "joints that lag or sag where much force is needed, and nowhere else"
+    confused_with = ("torque_saturation", "servo_lag")
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Narrow the range of the drives' forces."""

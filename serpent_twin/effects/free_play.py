@@ -1,7 +1,6 @@
 """Let a joint move freely inside a gap between it and its drive."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -22,10 +21,10 @@ class FreePlay(Effect):
     gap: float = parameter("rad", high=0.3, typical=0.02)
     """From one flank to the other [rad]"""
 
-    places: ClassVar[tuple[str, ...]] = ("actuator",)
-    shows_in: ClassVar[str] = "joints that fall or swing a little where their load changes sign"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "joint_elasticity")
-    simplified: ClassVar[float] = 0.05  # flanks give and bounce
+    places = ("actuator",)
+    shows_in = "joints that fall or swing a little where their load changes sign"
+    confused_with = ("gear_backlash", "joint_elasticity")
+    simplified = 0.05  # flanks give and bounce
 
     def act(self, moment: Moment, memory: None) -> None:
         """Take up the gap."""

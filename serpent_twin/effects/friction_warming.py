@@ -1,14 +1,8 @@
 """Let the friction of gears fall while they warm up in each session."""
 
 from dataclasses import dataclass
-from typing import ClassVar
-
-import mujoco
-import numpy as np
 
 from serpent_twin.effects.effect import LOSS, Effect, parameter
-from serpent_twin.effects.links import let_hold
-from serpent_twin.effects.moment import Cooling
 
 
 @dataclass(frozen=True)
@@ -26,20 +20,9 @@ class FrictionWarming(Effect):
     time: float = parameter("s", low=5.0, high=600.0, typical=40.0, default=40.0)
     """τ [s]"""
 
-    shows_in: ClassVar[str] = (
-        "loads that jump at each reversal by less and less, anew in each session"
-    )
-    places: ClassVar[tuple[str, ...]] = ("joint",)
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
-    simplified: ClassVar[float] = 0.05
-    stage: ClassVar[int] = LOSS
-
-    def edit(self, spec: mujoco.MjSpec) -> None:
-        """Let a joint of a model stick."""
-        if self.at:
-            let_hold(spec, self.at)
-
-    def act(self, moment: Cooling, memory: None) -> None:
-        """Raise the friction of what is still cold."""
-        cold = np.exp(-np.maximum(moment.time, 0.0) / self.time)
-        moment.gear_friction = moment.gear_friction + self.extra * cold
+    shows_in = "loads that jump at each reversal by less and less, anew in each session"
+    places = ("joint",)
+    confused_with = ("gear_friction",)
+    simplified = 0.05
+    stage = LOSS
+    law = "gear_friction: fading time"

@@ -1,11 +1,10 @@
 """Give a servo's gears backlash."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import WINDING, Effect, parameter
-from serpent_twin.effects.moment import Wound
 from serpent_twin.effects.play import dragged, dragged_from_afar
 
 
@@ -24,17 +23,17 @@ class GearBacklash(Effect):
     gap: float = parameter("rad", high=0.3, typical=0.02)
     """From one flank to the other [rad]"""
 
-    places: ClassVar[tuple[str, ...]] = ("actuator",)
-    shows_in: ClassVar[str] = "joints that start late after each reversal of a motor, at every load"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "mocap_latency", "motor_latency")
-    remembers: ClassVar[bool] = False
-    stage: ClassVar[int] = WINDING
+    places = ("actuator",)
+    shows_in = "joints that start late after each reversal of a motor, at every load"
+    confused_with = ("cable_friction", "mocap_latency", "motor_latency")
+    remembers = False
+    stage = WINDING
 
-    def start(self, moment: Wound) -> Array:
+    def start(self, moment: Any) -> Array:
         """Winches dragged along by motors that move, in the middle of the gap by others [rad], (n, 10)."""
         return dragged_from_afar(moment.winch_angle, moment.motor_velocity, self.gap)
 
-    def act(self, moment: Wound, memory: Array) -> None:
+    def act(self, moment: Any, memory: Array) -> None:
         """Drag the winches along."""
         memory[...] = dragged(memory, moment.winch_angle, self.gap)
         moment.winch_angle = memory.copy()

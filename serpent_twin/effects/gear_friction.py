@@ -1,13 +1,8 @@
 """Let a gearbox's friction grow with the torque that it carries."""
 
 from dataclasses import dataclass
-from typing import ClassVar
-
-import mujoco
 
 from serpent_twin.effects.effect import LOSS, Effect, parameter
-from serpent_twin.effects.links import let_hold
-from serpent_twin.effects.moment import Geared
 
 
 @dataclass(frozen=True)
@@ -24,17 +19,9 @@ class GearFriction(Effect):
     coefficient: float = parameter("1", high=1.0, typical=0.2)
     """c [1]"""
 
-    places: ClassVar[tuple[str, ...]] = ("joint",)
-    shows_in: ClassVar[str] = "loads that jump at each reversal by more, the more a motor carries"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "friction_warming")
-    simplified: ClassVar[float] = 0.05
-    stage: ClassVar[int] = LOSS
-
-    def edit(self, spec: mujoco.MjSpec) -> None:
-        """Let a joint of a model stick."""
-        if self.at:
-            let_hold(spec, self.at)
-
-    def act(self, moment: Geared, memory: None) -> None:
-        """Raise the gearboxes' friction by what their horns carry."""
-        moment.gear_friction = moment.gear_friction + self.coefficient * abs(moment.horn_torque)
+    places = ("joint",)
+    shows_in = "loads that jump at each reversal by more, the more a motor carries"
+    confused_with = ("cable_friction", "friction_warming")
+    simplified = 0.05
+    stage = LOSS
+    law = "gear_friction: magnitude horn_torque"

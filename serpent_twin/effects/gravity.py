@@ -1,7 +1,6 @@
 """Let gravity act otherwise than in the model, in size or direction."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -25,8 +24,8 @@ class Gravity(Effect):
     along_z: float = parameter("m/s²", low=-30.0, high=30.0, typical=1.0)
     """[m/s²]"""
 
-    shows_in: ClassVar[str] = "a pose that leans one way, more so where more mass is carried"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload", "constant_force", "base_tilt")
+    shows_in = "a pose that leans one way, more so where more mass is carried"
+    confused_with = ("payload", "constant_force", "base_tilt")
 
     @property
     def strength(self) -> float:

@@ -1,12 +1,8 @@
 """Give the hinges of a machine friction that its twin leaves out."""
 
 from dataclasses import dataclass
-from typing import ClassVar
-
-import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
-from serpent_twin.effects.links import joints_at, let_hold
 
 
 @dataclass(frozen=True)
@@ -18,19 +14,11 @@ class HingeFriction(Effect):
     stall torque to it.
     """
 
-    coulomb: float = parameter("N m", high=0.5, typical=0.03)
+    coulomb: float = parameter("N m", high=0.5, typical=0.03, adds_to="joint.frictionloss")
     """F [N m]"""
-    viscous: float = parameter("N m s/rad", high=0.2, typical=0.005)
+    viscous: float = parameter("N m s/rad", high=0.2, typical=0.005, adds_to="joint.damping.0")
     """b [N m s/rad]"""
 
-    places: ClassVar[tuple[str, ...]] = ("joint",)
-    shows_in: ClassVar[str] = "swings that die away, and lag by the same at every load"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction", "gear_backlash")
-
-    def edit(self, spec: mujoco.MjSpec) -> None:
-        """Let the hinges rub."""
-        for joint in joints_at(spec, self.at):
-            joint.frictionloss += self.coulomb
-            joint.damping[0] += self.viscous
-        if self.at and self.coulomb:
-            let_hold(spec, self.at)
+    places = ("joint",)
+    shows_in = "swings that die away, and lag by the same at every load"
+    confused_with = ("gear_friction", "gear_backlash")

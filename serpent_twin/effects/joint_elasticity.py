@@ -1,12 +1,8 @@
 """Add a spring beside the cables to each joint, at rest when the joint is straight."""
 
 from dataclasses import dataclass
-from typing import ClassVar
-
-import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
-from serpent_twin.effects.links import joints_at
 
 
 @dataclass(frozen=True)
@@ -17,14 +13,9 @@ class JointElasticity(Effect):
     0.01 … 0.3 N m/rad; gravity on the whole arm makes 0.8 N m/rad at joint 1.
     """
 
-    stiffness: float = parameter("N m/rad", high=3.0, typical=0.05)
+    stiffness: float = parameter("N m/rad", high=3.0, typical=0.05, adds_to="joint.stiffness.0")
     """k [N m/rad]"""
 
-    places: ClassVar[tuple[str, ...]] = ("joint",)
-    shows_in: ClassVar[str] = "joints that fall short in proportion to their angle, and their loads"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_stiffening", "payload")
-
-    def edit(self, spec: mujoco.MjSpec) -> None:
-        """Give each hinge its spring."""
-        for joint in joints_at(spec, self.at):
-            joint.stiffness[0] += self.stiffness
+    places = ("joint",)
+    shows_in = "joints that fall short in proportion to their angle, and their loads"
+    confused_with = ("cable_stiffening", "payload")

@@ -16,20 +16,24 @@ _TEXT = re.compile(r"(\w+) of (.+?): (\w+)(?: (\w+) of (.+))?")
 
 
 @dataclass(frozen=True)
-class Handle:
-    """What a law may change at places of one kind."""
+class Quantity:
+    """What a law may follow or change at places of one kind."""
 
     kind: str
-    """Of place: joint, actuator, tendon, body, sensor or frame"""
+    """Of place: joint, actuator, tendon, body, sensor or frame; of a clock session or machine"""
     unit: str
     components: int = 1
     """1, 3 for a vector, or 4 for a spring: the force at the base's origin [N], and the stiffness [N/m]"""
     only_more: bool = False
     """Whether it, or the stiffness of a spring, may be raised only, as friction"""
     words: str = ""
-    """What is changed, with {size} and {place}"""
+    """What is changed, with {size} and {place}; empty where laws only follow it"""
     only_seen: bool = False
     """Whether it is what the arm's sensors show beside its motion"""
+    followed: bool = False
+    """Whether laws may follow it"""
+    rate: str = ""
+    """The quantity that is its rate, if laws may follow that, too"""
 
     def told(self, place: str, size: str = "") -> str:
         """What is changed at a place, by a size in words."""
@@ -46,77 +50,77 @@ ACTUATOR_COMMAND = "command"
 """The command of an actuator: laws may follow it, and may change it before the time steps"""
 JOINT_FRICTION = "joint_friction"
 """Dry friction of a joint"""
-HANDLES: Mapping[str, Handle] = {
-    "joint_torque": Handle("joint", "N m", words="a torque{size} at {place}"),
-    JOINT_FRICTION: Handle("joint", "N m", only_more=True, words="friction{size} at {place}"),
-    "gear_friction": Handle(
+POSITIONS = ("position_x", "position_y", "position_z")
+"""Readings along axes of the base frame, of a model the world's"""
+_OF_JOINTS = ("joint_angle", "joint_velocity")
+CLOCKS = ("session", "machine")
+"""Kinds of what time is of"""
+QUANTITIES: Mapping[str, Quantity] = {
+    "joint_torque": Quantity("joint", "N m", words="a torque{size} at {place}"),
+    JOINT_FRICTION: Quantity("joint", "N m", only_more=True, words="friction{size} at {place}"),
+    "gear_friction": Quantity(
         "actuator", "N m", only_more=True, words="gear friction{size} at {place}"
     ),
-    "motor_torque": Handle("actuator", "N m", words="a torque{size} on the horn of {place}"),
-    "winch_angle": Handle(
+    "motor_torque": Quantity("actuator", "N m", words="a torque{size} on the horn of {place}"),
+    "winch_angle": Quantity(
         "actuator",
         "rad",
         words="a turn{size} of the winch of {place} that its encoder does not show",
     ),
-    ACTUATOR_COMMAND: Handle(
-        "actuator", "1", words="a change{size} of the command that reaches {place}"
+    ACTUATOR_COMMAND: Quantity(
+        "actuator",
+        "1",
+        words="a change{size} of the command that reaches {place}",
+        followed=True,
     ),
-    "slack": Handle("tendon", "m", words="a length{size} that {place} has more"),
-    "force": Handle("body", "N", 3, words="a force{size} in the base frame on {place}"),
-    "force_in_body": Handle("body", "N", 3, words="a force{size} in the frame of {place} on it"),
-    SPRING: Handle(
+    "slack": Quantity("tendon", "m", words="a length{size} that {place} has more"),
+    "force": Quantity("body", "N", 3, words="a force{size} in the base frame on {place}"),
+    "force_in_body": Quantity("body", "N", 3, words="a force{size} in the frame of {place} on it"),
+    SPRING: Quantity(
         "body", "N", 4, only_more=True, words="a spring{size} that pulls {place} to a point"
     ),
-    "link_turn": Handle(
+    "link_turn": Quantity(
         "body",
         "rad",
         3,
         words="a turn{size} of {place} and all beyond, in its frame",
         only_seen=True,
     ),
-    "marker_shift": Handle(
+    "marker_shift": Quantity(
         "sensor", "m", 3, words="a shift{size} of {place} in its link's frame", only_seen=True
     ),
-    "load_shift": Handle(
+    "load_shift": Quantity(
         "sensor", "1", words="a change{size} of what {place} reads", only_seen=True
     ),
-    "load_scale": Handle(
+    "load_scale": Quantity(
         "sensor", "1", words="a change of what {place} reads by a share{size} of it", only_seen=True
     ),
-    READING_SHIFT: Handle("sensor", "rad", words="a shift{size} of what is read of {place}"),
-    "camera_shift": Handle(
+    READING_SHIFT: Quantity("sensor", "rad", words="a shift{size} of what is read of {place}"),
+    "camera_shift": Quantity(
         "frame", "m", 3, words="a shift{size} of all that the cameras see", only_seen=True
     ),
-    "camera_turn": Handle(
+    "camera_turn": Quantity(
         "frame", "rad", 3, words="a turn{size} of all that the cameras see", only_seen=True
     ),
-    "camera_delay": Handle(
+    "camera_delay": Quantity(
         "frame", "s", words="a delay{size} of all that the cameras see", only_seen=True
     ),
-    "acceleration": Handle("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
+    "acceleration": Quantity("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
+    "joint_angle": Quantity("joint", "rad", followed=True, rate="joint_velocity"),
+    "joint_velocity": Quantity("joint", "rad/s", followed=True),
+    "motor_angle": Quantity("actuator", "rad", followed=True, rate="motor_velocity"),
+    "motor_velocity": Quantity("actuator", "rad/s", followed=True),
+    "horn_torque": Quantity("actuator", "N m", followed=True),
+    "tension": Quantity("tendon", "N", followed=True),
+    **dict.fromkeys(POSITIONS, Quantity("body", "m", followed=True)),
+    "time": Quantity("session", "s", followed=True),
+    "runtime": Quantity("machine", "s", followed=True),
 }
-"""What laws change, by the name of the moment's quantity"""
-
-POSITIONS = ("position_x", "position_y", "position_z")
-"""Readings along axes of the base frame, of a model the world's"""
-_OF_JOINTS = ("joint_angle", "joint_velocity")
-RATES = {"joint_angle": "joint_velocity", "motor_angle": "motor_velocity"}
-"""Readings whose rates are readings, too"""
-CLOCKS = ("session", "machine")
-"""Kinds of what time is of"""
-READINGS: Mapping[str, tuple[str, str]] = {
-    "joint_angle": ("joint", "rad"),
-    "joint_velocity": ("joint", "rad/s"),
-    "motor_angle": ("actuator", "rad"),
-    "motor_velocity": ("actuator", "rad/s"),
-    "horn_torque": ("actuator", "N m"),
-    ACTUATOR_COMMAND: ("actuator", "1"),
-    "tension": ("tendon", "N"),
-    **dict.fromkeys(POSITIONS, ("body", "m")),
-    "time": ("session", "s"),
-    "runtime": ("machine", "s"),
-}
-"""What laws may follow: the kind of place and the unit"""
+"""By name, which is that of the moment's quantity"""
+HANDLES = {name: each for name, each in QUANTITIES.items() if each.words}
+"""What laws change"""
+READINGS = {name: each for name, each in QUANTITIES.items() if each.followed}
+"""What laws may follow"""
 
 
 @dataclass(frozen=True)
@@ -157,12 +161,12 @@ class Law:
     @property
     def follows_a_thing(self) -> bool:
         """Whether it follows a reading of a part of the machine: neither a clock nor nothing."""
-        return bool(self.reading) and READINGS[self.reading][0] not in CLOCKS
+        return bool(self.reading) and READINGS[self.reading].kind not in CLOCKS
 
     @property
     def rate(self) -> "Law | None":
         """The same with the rate of its reading, if that is a reading, too."""
-        rate = RATES.get(self.reading)
+        rate = READINGS[self.reading].rate if self.reading else ""
         return replace(self, reading=rate) if rate else None
 
     @property
@@ -170,9 +174,9 @@ class Law:
         """Whether it follows a reading of the thing that it changes: of the joint, the motor or its cable."""
         digits = re.compile(r"[a-z]+(\d+)")
         place, where = digits.match(self.place), digits.match(self.where)
-        kinds = (HANDLES[self.handle].kind, READINGS.get(self.reading, ("", ""))[0])
         if not place or not where or place[1] != where[1]:
             return False
+        kinds = HANDLES[self.handle].kind, READINGS[self.reading].kind
         return kinds[0] == kinds[1] or {*kinds} <= {"actuator", "tendon", "sensor"}
 
     @property
@@ -196,7 +200,7 @@ class Law:
         """The units of size, and of the parameters of its shape, where what is changed or what it follows
         has another unit than `HANDLES` and `READINGS` state.
         """
-        of = of or (READINGS[self.reading][1] if self.reading else "1")
+        of = of or (READINGS[self.reading].unit if self.reading else "1")
         size = size or HANDLES[self.handle].unit
         if self.shape in ("linear", "beyond", "below", "play", "lag"):
             size = f"{size} per {of}"

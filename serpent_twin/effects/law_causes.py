@@ -38,7 +38,7 @@ def form_of(law: Law) -> LawForm:
     """The form of a law."""
     if not law.reading:
         return LawForm.ALWAYS
-    if READINGS[law.reading][0] in CLOCKS:
+    if READINGS[law.reading].kind in CLOCKS:
         by_clock = {"periodic": LawForm.SWINGING} | dict.fromkeys(_RAMPS, LawForm.SLOWLY)
         return by_clock.get(law.shape, LawForm.ONCE)
     if law.shape in _BY_SHAPE:

@@ -131,3 +131,10 @@ SHAPES: Mapping[str, LawShape] = {
     ),
 }
 """How changes follow readings, by name"""
+
+FORMS: Mapping[str, Callable[..., Array]] = {
+    "magnitude": lambda x: np.abs(x),
+    "near_rest": lambda x, fast: np.exp(-np.abs(x) / fast),
+    "fading": lambda x, time: np.exp(-np.maximum(x, 0.0) / time),
+}
+"""How named effects follow readings in other ways, by name"""

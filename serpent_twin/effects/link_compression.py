@@ -1,7 +1,6 @@
 """Let links shorten under the pull of the cables."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 
@@ -23,8 +22,8 @@ class LinkCompression(Effect):
     compliance: float = parameter("m/N", high=1e-3, typical=5e-6)
     """Of one link [m/N]"""
 
-    shows_in: ClassVar[str] = "markers that all come nearer to the base where cables are pulled"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_stiffening", "payload")
+    shows_in = "markers that all come nearer to the base where cables are pulled"
+    confused_with = ("cable_stiffening", "payload")
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Let each link slide along itself."""

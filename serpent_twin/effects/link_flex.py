@@ -1,7 +1,6 @@
 """Let the links bend and twist."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -40,11 +39,9 @@ class LinkFlex(Effect):
     twist: float = parameter("rad/(N m)", high=3.0, typical=0.06, before=0.0)
     """Compliance of twisting [rad/(N m)]"""
 
-    places: ClassVar[tuple[str, ...]] = ("body",)
-    shows_in: ClassVar[str] = (
-        "markers that sag more than the joints' angles explain, more so further out"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("payload",)
+    places = ("body",)
+    shows_in = "markers that sag more than the joints' angles explain, more so further out"
+    confused_with = ("payload",)
 
     @property
     def strength(self) -> float:

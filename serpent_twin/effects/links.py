@@ -43,6 +43,24 @@ def joints_at(spec: mujoco.MjSpec, name: str) -> list[mujoco.MjsJoint]:
     return own or [each for each in spec.joints if each.type in kinds]
 
 
+def add_to(spec: mujoco.MjSpec, field: str, at: str, value: float) -> None:
+    """Add to a field of the joint or tendon of a name, or of all: `joint.damping.0` is the first number of
+    their damping. Dry friction of a tendon, or at one joint, holds it still.
+    """
+    kind, name, *k = field.split(".")
+    tendons = [each for each in spec.tendons if each.name == (at or each.name)]
+    holds = name == "frictionloss" and bool(value) and (kind == "tendon" or bool(at))
+    for thing in joints_at(spec, at) if kind == "joint" else tendons:
+        if k:
+            getattr(thing, name)[int(k[0])] += value
+        else:
+            setattr(thing, name, getattr(thing, name) + value)
+        if holds:
+            thing.solref_friction[0] = HELD
+    if holds:
+        let_rub(spec)
+
+
 def let_rub(spec: mujoco.MjSpec) -> None:
     """Let dry friction act in a model that has constraints turned off, and no other constraint."""
     off = mujoco.mjtDisableBit

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from math import ceil
-from typing import ClassVar
 
 import mujoco
 
@@ -22,8 +21,8 @@ class MocapLatency(Effect):
     delay: float = parameter("s", high=0.2, typical=0.03)
     """[s]"""
 
-    shows_in: ClassVar[str] = "error in proportion to the markers' speed, in no load"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "motor_latency")
+    shows_in = "error in proportion to the markers' speed, in no load"
+    confused_with = ("gear_backlash", "motor_latency")
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Delay the marker sensors."""

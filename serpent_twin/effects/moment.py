@@ -1,138 +1,19 @@
-"""Define which quantities of a time step effects can read, and which they may change."""
+"""Define which quantities of the arm effects can read in a time step, and which they may change."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, Self
+from typing import ClassVar
 
 import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm
 from serpent_twin.arrays import Array
 from serpent_twin.effects import arm_places
-from serpent_twin.effects.law import Law
-from serpent_twin.errors import SerpentError
+from serpent_twin.effects.instant import Instant
+from serpent_twin.effects.law import JOINT_FRICTION
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 _STICKS = 1e-9  # [rad/s] as good as at rest
-
-
-class Instant:
-    """A moment whose writable fields are those that its simulation uses; changing others is an error."""
-
-    given: ClassVar[frozenset[str]] = frozenset()
-    """Names of the fields that effects read and do not change"""
-
-    @classmethod
-    def of(cls, **fields: Any) -> Self:
-        """An instant of all its fields, in a third of the time of its constructor: one is made for every
-        time step.
-        """
-        instant = object.__new__(cls)
-        instant.__dict__.update(fields)
-        instant.__post_init__()
-        return instant
-
-    def at(self, place: str) -> Any:
-        """The moment of one of the model's things alone, arrays (n, 1); raises a `SerpentError` where there
-        is none of that name.
-        """
-        raise SerpentError(
-            f"an effect at {place!r} cannot act on this machine. Leave out its place."
-        )
-
-    def __post_init__(self) -> None:
-        own = self.__dict__
-        for name in self.given:
-            if isinstance(value := own[name], np.ndarray) and value.flags.writeable:
-                own[name] = _read_only(value)
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in self.given and name in self.__dict__:
-            raise SerpentError(
-                f"{name} cannot be changed by an effect here: the simulation would not honour it. Effects "
-                f"change {', '.join(n for n in self.__dict__ if n not in self.given)}."
-            )
-        object.__setattr__(self, name, value)
-
-
-def _read_only(array: Array) -> Array:
-    view = array.view()
-    view.setflags(write=False)
-    return view
-
-
-class Geared(Protocol):
-    """A moment of a machine whose drive rubs."""
-
-    joint_velocity: Array
-    """[rad/s]"""
-    gear_friction: Array
-    """Coulomb friction [N m]"""
-
-    @property
-    def horn_torque(self) -> Array:
-        """Torque that the gears carry [N m]."""
-        ...
-
-
-class Cooling(Protocol):
-    """A moment of a machine whose drive rubs, and warms up in a session."""
-
-    time: Array
-    """Since the session began [s]"""
-    gear_friction: Array
-    """Coulomb friction [N m]"""
-
-
-class Wound(Protocol):
-    """A moment of a machine whose drive winds a cable."""
-
-    motor_velocity: Array
-    """[rad/s]"""
-    winch_angle: Array
-    """What winds the cable [rad]"""
-
-
-class Told(Protocol):
-    """A moment of a machine whose servos are given goals."""
-
-    dt: Array
-    """[s], (n, 1)"""
-    goal: Array
-    """Goal angles of the servos [rad]"""
-    motor_angle: Array
-    """Angles of the servos [rad]"""
-
-    def tell(self, goal: Array) -> None:
-        """Give the servos another goal [rad], reached at once unless a later effect makes them yield."""
-        ...
-
-    def stand(self, angle: Array) -> None:
-        """Set the angles of the servos, and of what winds the cables [rad]."""
-        ...
-
-
-class Giving(Told, Protocol):
-    """A moment of a machine whose servos yield to its cables."""
-
-    cable_torque: Array
-    """Torque of the cables on each servo's horn [N m]"""
-
-
-class Measurements(Protocol):
-    """All rows of runs, after they are simulated."""
-
-    dt: Array
-    """Between rows [s], (n, 1)"""
-    reading: Array
-    """What is read, (n, T, C)"""
-
-
-class TorqueDriven(Protocol):
-    """A moment of a machine whose drive gives a torque, not an angle."""
-
-    drive_torque: Array
-    """[N m]"""
 
 
 @dataclass
@@ -147,6 +28,10 @@ class Moment(Instant):
         {"arm", "dt", "time", "motor_angle", "motor_velocity", "joint_angle", "joint_velocity",
          "jaw_angle", "winch_ratio", "prior_runtime"}
     )  # fmt: skip
+    names: ClassVar[Mapping[str, Sequence[str]]] = arm_places.NAMES
+    kinds: ClassVar[Mapping[str, str]] = arm_places.KINDS
+    followed: ClassVar[tuple[str, ...]] = arm_places.FOLLOWED
+    changed: ClassVar[tuple[str, ...]] = arm_places.CHANGED
 
     arm: Arm
     dt: float | Array
@@ -207,13 +92,27 @@ class Moment(Instant):
         self.joint_friction = self.joint_friction + torque
         self.transition_velocity = self.joint_friction / np.maximum(slope, _STICKS)
 
-    def reading_of(self, law: Law) -> Array:
-        """What a law follows, (n, 1)."""
-        return arm_places.reading_of(self, law)
+    def position(self, body: int) -> Array:
+        """Where the marker of a link is in the base frame [m], (n, 3)."""
+        return arm_places.marker(self.joint_angle, body)
 
-    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
-        """Change what a law changes, by sizes (n, 1) of one component or three."""
-        arm_places.change(self, law, sizes)
+    def add(self, handle: str, place: str, size: Array) -> None:
+        """Add a size, (n, components), to a quantity at a place: forces are torques on the joints, and what
+        is seen of links and cameras are shifts of the markers.
+        """
+        at = self.column(handle, place)
+        if handle in arm_places.PULLS:
+            torque = arm_places.torque(self.joint_angle, handle, at, size)
+            self.joint_torque = self.joint_torque + torque
+        elif handle == "camera_delay":
+            moved = arm_places.travelled(self.joint_angle, self.joint_velocity, size)
+            self.marker_shift = self.marker_shift - moved
+        elif handle in arm_places.SHIFTS:
+            shift = arm_places.shift(self.joint_angle, handle, at, size)
+            self.marker_shift = self.marker_shift + shift
+        else:
+            size = np.maximum(size, 0.0) if handle == JOINT_FRICTION else size
+            super().add(handle, place, size)
 
     @property
     def stretch(self) -> Array:

@@ -1,7 +1,6 @@
 """Delay what the motors report against the markers."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from serpent_twin.effects.effect import Effect, parameter
 from serpent_twin.effects.moment import Moment
@@ -19,8 +18,8 @@ class MotorLatency(Effect):
     delay: float = parameter("s", high=0.2, typical=0.03)
     """[s]"""
 
-    shows_in: ClassVar[str] = "markers that lead by their speed times the delay, in no load"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "mocap_latency")
+    shows_in = "markers that lead by their speed times the delay, in no load"
+    confused_with = ("gear_backlash", "mocap_latency")
 
     def act(self, moment: Moment, memory: None) -> None:
         """Age the readings."""

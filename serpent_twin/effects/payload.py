@@ -1,7 +1,6 @@
 """Fasten a mass to the arm."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -28,16 +27,11 @@ class Payload(Effect):
     place: float = parameter("m", low=-0.44, high=0.15, typical=0.09, default=0.09, step=0.01)
     """Along the straight arm, from the last joint towards the gripper; −0.44 m is joint 1 [m]"""
 
-    places: ClassVar[tuple[str, ...]] = ("site", "body")
-    shows_in: ClassVar[str] = (
+    places = ("site", "body")
+    shows_in = (
         "the torque of every motor that lifts or swings the place, and how far joints sag under it"
     )
-    confused_with: ClassVar[tuple[str, ...]] = (
-        "base_tilt",
-        "joint_elasticity",
-        "link_flex",
-        "constant_force",
-    )
+    confused_with = ("base_tilt", "joint_elasticity", "link_flex", "constant_force")
 
     @classmethod
     def variants(cls) -> Several:

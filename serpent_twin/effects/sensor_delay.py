@@ -1,14 +1,13 @@
 """Delay what is measured against what drives the machine."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from serpent_twin.effects.delayed import delay_by
 from serpent_twin.effects.effect import READING, Effect, parameter
-from serpent_twin.effects.moment import Measurements
 
 _SENSES = {
     mujoco.mjtSensor.mjSENS_JOINTPOS: "joint",
@@ -30,11 +29,11 @@ class SensorDelay(Effect):
     delay: float = parameter("s", high=0.5, typical=0.03)
     """[s]"""
 
-    places: ClassVar[tuple[str, ...]] = ("joint", "site", "tendon", "actuator", "sensor")
-    shows_in: ClassVar[str] = "error in proportion to the rate of one reading, in no other"
-    confused_with: ClassVar[tuple[str, ...]] = ("command_delay", "servo_lag")
-    stage: ClassVar[int] = READING
-    needs: ClassVar[frozenset[str]] = frozenset({"reading"})
+    places = ("joint", "site", "tendon", "actuator", "sensor")
+    shows_in = "error in proportion to the rate of one reading, in no other"
+    confused_with = ("command_delay", "servo_lag")
+    stage = READING
+    needs = frozenset({"reading"})
 
     def export(self, spec: mujoco.MjSpec) -> bool:
         """Delay the sensors that read what is late, or add a late one where the model has none; False where
@@ -61,7 +60,7 @@ class SensorDelay(Effect):
         thing = mujoco.mjtObj(mujoco.mju_str2Type(kind))
         return spec.add_sensor(name=f"late {self.at}", type=senses, objtype=thing, objname=self.at)
 
-    def act(self, moment: Measurements, memory: None) -> None:
+    def act(self, moment: Any, memory: None) -> None:
         """Shift the readings of each run."""
         from scipy.interpolate import CubicSpline
 

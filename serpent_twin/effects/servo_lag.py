@@ -1,7 +1,6 @@
 """Let an actuator follow what it is told with a lag of first order."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 
@@ -21,9 +20,9 @@ class ServoLag(Effect):
     time_constant: float = parameter("s", high=2.0, typical=0.03)
     """τ [s]"""
 
-    places: ClassVar[tuple[str, ...]] = ("actuator",)
-    shows_in: ClassVar[str] = "quick motions that come late and small, slow ones that do not"
-    confused_with: ClassVar[tuple[str, ...]] = ("command_delay",)
+    places = ("actuator",)
+    shows_in = "quick motions that come late and small, slow ones that do not"
+    confused_with = ("command_delay",)
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Filter what the actuators without dynamics of their own are told, if it does anything."""

@@ -1,13 +1,12 @@
 """Let a servo yield to its load."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SERVO, Effect, parameter
-from serpent_twin.effects.moment import Giving
 
 
 @dataclass(frozen=True)
@@ -24,17 +23,17 @@ class ServoSag(Effect):
     lag: float = parameter("s", low=0.02, high=0.5, typical=0.05, default=0.05)
     """[s]"""
 
-    shows_in: ClassVar[str] = "servos that stop short of their goals in proportion to the load"
-    confused_with: ClassVar[tuple[str, ...]] = ("command_delay", "gear_backlash")
-    remembers: ClassVar[bool] = False
-    stage: ClassVar[int] = SERVO
-    needs: ClassVar[frozenset[str]] = frozenset({"goal"})
+    shows_in = "servos that stop short of their goals in proportion to the load"
+    confused_with = ("command_delay", "gear_backlash")
+    remembers = False
+    stage = SERVO
+    needs = frozenset({"goal"})
 
-    def start(self, moment: Giving) -> Array:
+    def start(self, moment: Any) -> Array:
         """Angles of the servos [rad]."""
         return moment.motor_angle.copy()
 
-    def act(self, moment: Giving, memory: Array) -> None:
+    def act(self, moment: Any, memory: Array) -> None:
         """Move the servos towards where they would settle."""
         moment.stand(np.where(np.equal(self.compliance, 0.0), moment.goal, memory))
         short = moment.goal - self.compliance * moment.cable_torque - memory

@@ -1,7 +1,6 @@
 """Let the cable between the drive and the hinge stretch."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -29,9 +28,9 @@ class ShaftStretch(Effect):
     compliance: float = parameter("rad/(N m)", high=5.0, typical=0.3)
     """[rad/(N m)]"""
 
-    shows_in: ClassVar[str] = "an angle that lags by the torque of the drive, friction included"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_stretch", "gear_backlash")
-    needs: ClassVar[frozenset[str]] = frozenset({"drive"})
+    shows_in = "an angle that lags by the torque of the drive, friction included"
+    confused_with = ("cable_stretch", "gear_backlash")
+    needs = frozenset({"drive"})
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Put the drive before the hinge, a tendon between them."""

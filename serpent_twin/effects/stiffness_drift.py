@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +32,9 @@ class StiffnessDrift(Effect):
     strand: float = on_strands()
     """On which strands, as `on_strands` counts them; −1 for all"""
 
-    shows_in: ClassVar[str] = (
-        "sag and lag that grow evenly from beginning to end of a session, or of all"
-    )
-    places: ClassVar[tuple[str, ...]] = ("joint", "tendon")
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "clamp_slip")
+    shows_in = "sag and lag that grow evenly from beginning to end of a session, or of all"
+    places = ("joint", "tendon")
+    confused_with = ("cable_creep", "clamp_slip")
 
     @classmethod
     def variants(cls) -> Several:

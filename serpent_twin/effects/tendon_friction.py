@@ -1,12 +1,8 @@
 """Let a tendon rub where it runs."""
 
 from dataclasses import dataclass
-from typing import ClassVar
-
-import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
-from serpent_twin.effects.links import HELD, let_rub
 
 
 @dataclass(frozen=True)
@@ -17,19 +13,9 @@ class TendonFriction(Effect):
     Source: Coulomb's law of friction. MJCF expresses all of it, as the tendon's frictionloss.
     """
 
-    force: float = parameter("N", high=100.0, typical=0.5)
+    force: float = parameter("N", high=100.0, typical=0.5, adds_to="tendon.frictionloss")
     """F [N]"""
 
-    places: ClassVar[tuple[str, ...]] = ("tendon",)
-    shows_in: ClassVar[str] = (
-        "joints that start late after each reversal of a tendon, at every load"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "gear_backlash", "hinge_friction")
-
-    def edit(self, spec: mujoco.MjSpec) -> None:
-        """Let the tendons rub."""
-        for tendon in spec.tendons:
-            if tendon.name == (self.at or tendon.name):
-                tendon.frictionloss += self.force
-                tendon.solref_friction[0] = HELD
-        let_rub(spec)
+    places = ("tendon",)
+    shows_in = "joints that start late after each reversal of a tendon, at every load"
+    confused_with = ("cable_friction", "gear_backlash", "hinge_friction")

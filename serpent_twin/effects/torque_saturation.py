@@ -1,10 +1,9 @@
 """Let a motor's torque per ampere fall as the torque grows."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
 from serpent_twin.effects.effect import WINDING, Effect, parameter
-from serpent_twin.effects.moment import TorqueDriven
 
 
 @dataclass(frozen=True)
@@ -19,13 +18,13 @@ class TorqueSaturation(Effect):
     rate: float = parameter("1/(N m)", high=5.0, typical=0.5)
     """s [1/(N m)]"""
 
-    places: ClassVar[tuple[str, ...]] = ("actuator",)
-    shows_in: ClassVar[str] = "heavy loads that sag more than the motor's voltage predicts"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
-    stage: ClassVar[int] = WINDING
-    needs: ClassVar[frozenset[str]] = frozenset({"drive_torque"})
+    places = ("actuator",)
+    shows_in = "heavy loads that sag more than the motor's voltage predicts"
+    confused_with = ("gear_friction",)
+    stage = WINDING
+    needs = frozenset({"drive_torque"})
 
-    def act(self, moment: TorqueDriven, memory: None) -> None:
+    def act(self, moment: Any, memory: None) -> None:
         """Weaken the drive."""
         drive = moment.drive_torque
         moment.drive_torque = drive / (1 + self.rate * abs(drive))

@@ -56,7 +56,7 @@ def test_a_law_that_is_not_known_is_refused_with_what_there_is(text, says):
 
 
 def test_a_place_that_the_arm_lacks_is_refused():
-    with pytest.raises(SerpentError, match=r"no place 'joint12'.*joint9"):
+    with pytest.raises(SerpentError, match=r"of a joint, and 'joint12' is none.*joint9"):
         acted("joint_torque of joint12: constant", size=0.1)
 
 

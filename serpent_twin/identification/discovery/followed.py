@@ -78,7 +78,7 @@ def ways(readings: Mapping[tuple[str, str], Array], in_time: RowsInTime) -> tupl
 
 def _parameters(reading: str, x: Array, rows: RowsInTime) -> Iterator[tuple[str, float, float]]:
     """Shapes with their parameters for a reading (S, T); swings by time are sought apart."""
-    kind = READINGS[reading][0]
+    kind = READINGS[reading].kind
     yield "linear", 0.0, 0.0
     for shape, firsts in {"play": np.ptp(x) * _PLAYS, "lag": _lags(rows)}.items():
         drags = SHAPES[shape].drags

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import RATES
+from serpent_twin.effects.law import READINGS
 from serpent_twin.effects.law_shape import LawShape
 
 _TIME = ("time", "session")
+_RATES = {each.rate for each in READINGS.values()}
 _APART = 10
 """Rows by which sessions are taken to be apart"""
 
@@ -30,7 +31,7 @@ class RowsInTime:
     @classmethod
     def among(cls, readings: Mapping[tuple[str, str], Array]) -> Self:
         """Those in which readings (S, T) were taken."""
-        if _TIME not in readings or not any(name in RATES.values() for name, _ in readings):
+        if _TIME not in readings or not any(name in _RATES for name, _ in readings):
             return cls()
         period = float(np.median(np.diff(readings[_TIME], axis=1)))
         rows = np.round(readings[_TIME] / period)

@@ -69,7 +69,7 @@ class ArmPlaces:
         found = {
             (name, where): values[..., k]
             for name, values in several.items()
-            for k, where in enumerate(NAMES[READINGS[name][0]])
+            for k, where in enumerate(NAMES[READINGS[name].kind])
         }
         lost = np.isnan(self.pieces.marker)
         marker = np.where(lost, np.asarray(self.did.marker), self.pieces.marker)

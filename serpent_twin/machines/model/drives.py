@@ -10,14 +10,13 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, Instant
-from serpent_twin.effects.law import Law
-from serpent_twin.errors import SerpentError
+from serpent_twin.effects.instant import Part
+from serpent_twin.effects.law import ACTUATOR_COMMAND
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.full_rate import full_rate
-from serpent_twin.machines.model.part_of_moment import PartOfMoment
 from serpent_twin.machines.model.state_effects import acts_on_state
 
 PARTS = 4
@@ -58,7 +57,7 @@ def controls(
     several = effects.stacked([of_drives] * len(told))
     if not several:
         return told
-    names = [model.actuator(n).name for n in range(model.nu)]
+    names = {"actuator": [model.actuator(n).name for n in range(model.nu)]}
     force = np.abs(model.actuator_gainprm[:, 0] * model.actuator_gear[:, 0])
     finer = ceil(PARTS / every) if moves else 1
     parts = every * finer
@@ -115,23 +114,15 @@ class DrivenMoment(Instant):
     """
 
     given: ClassVar[frozenset[str]] = frozenset(
-        {
-            "names",
-            "dt",
-            "time",
-            "prior_runtime",
-            "force_per_control",
-            "command",
-            "motor_angle",
-            "motor_velocity",
-            "goal",
-        }
-    )
+        {"names", "dt", "time", "prior_runtime", "force_per_control", "command", "motor_angle",
+         "motor_velocity", "goal"}
+    )  # fmt: skip
+    followed: ClassVar[tuple[str, ...]] = (ACTUATOR_COMMAND,)
+    changed: ClassVar[tuple[str, ...]] = (ACTUATOR_COMMAND,)
+    usual_kind: ClassVar[str] = "actuator"
+    has_places: ClassVar[bool] = True
 
-    everywhere: ClassVar[frozenset[str]] = frozenset({"dt", "time", "prior_runtime"})
-    """Names of the fields that all actuators share"""
-
-    names: Sequence[str]
+    names: Mapping[str, Sequence[str]]
     """Of the actuators, (nu,)"""
     dt: Array
     """To the next moment [s], (n, 1)"""
@@ -167,36 +158,20 @@ class DrivenMoment(Instant):
         object.__setattr__(self, "goal", goal)
         self.winch_angle = goal.copy()
 
-    def reading_of(self, law: Law) -> Array:
-        """What a law follows, (n, 1); of a constant, zeros."""
-        if (clock := law.clock(self.time, self.prior_runtime)) is not None:
-            return clock
-        if not law.possible:
-            raise SerpentError(f"no command here follows the {law.depends_on}.")
-        return self.at(law.where).command
-
-    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
-        """Change what reaches one actuator, by a size (n, 1)."""
-        self.at(law.place).winch_angle += sizes[0]
+    def add(self, handle: str, place: str, size: Array) -> None:
+        """Add a size (n, 1) to what reaches one actuator."""
+        self.at(place).winch_angle += size
 
     def at(self, place: str) -> "PartOfDrives":
         """The moment of one actuator."""
-        if place not in self.names:
-            raise SerpentError(
-                f"there is no actuator {place!r}; there are: {', '.join(self.names)}. Name one of them."
-            )
         return PartOfDrives(self, place)
 
-    def column(self, quantity: str, place: str) -> int:
-        """Which column is of an actuator."""
-        return list(self.names).index(place)
 
-
-class PartOfDrives(PartOfMoment):
+class PartOfDrives(Part):
     """A moment of one actuator."""
 
     def tell(self, goal: Array) -> None:
         """Give the actuator another goal."""
         changed = self.whole.goal.copy()
-        changed[:, self._column("goal")] = goal
+        changed[self.whole.where("goal", self.place)] = goal
         self.whole.tell(changed)

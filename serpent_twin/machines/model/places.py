@@ -48,7 +48,7 @@ def only_single(model: mujoco.MjModel) -> bool:
 def units_of_law(machine: Described, law: Law) -> dict[str, str]:
     """The units of a law's size and of its form's parameters, by what turns, slides or is told."""
     told = {each.actuator: SI[machine.control_unit(each)[0]] for each in machine.commanded}
-    size, of = HANDLES[law.handle].unit, READINGS[law.reading][1] if law.reading else ""
+    size, of = HANDLES[law.handle].unit, READINGS[law.reading].unit if law.reading else ""
     size = _SLIDES.get(size, size) if _slides(machine.model, law.place) else size
     of = _SLIDES.get(of, of) if _slides(machine.model, law.where) else of
     size = told[law.place] if law.handle == ACTUATOR_COMMAND else size

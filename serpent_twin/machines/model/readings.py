@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Instant
-from serpent_twin.effects.law import Law
-from serpent_twin.errors import SerpentError
+from serpent_twin.effects.law import READING_SHIFT
 from serpent_twin.machines.model.clocks import Clocks
+
+SENSOR = "sensor"
+"""What columns are of, as a kind of place"""
 
 
 def reread(
@@ -28,7 +30,7 @@ def reread(
     """
     several = [each for each in effects.stacked(there) if each.of_readings]
     several = [each for each in several if not each.at or each.things & {*names}]
-    moment = ReadRuns(names, period[:, None], clocks, angles or {}, found)
+    moment = ReadRuns({SENSOR: names}, period[:, None], clocks, angles or {}, found)
     effects.act(several, moment, effects.begin(several, moment))
     return moment.reading
 
@@ -38,8 +40,12 @@ class ReadRuns(Instant):
     """All rows of n runs."""
 
     given: ClassVar[frozenset[str]] = frozenset({"names", "dt", "clocks", "angles"})
+    followed: ClassVar[tuple[str, ...]] = ("joint_angle", "joint_velocity")
+    changed: ClassVar[tuple[str, ...]] = (READING_SHIFT,)
+    usual_kind: ClassVar[str] = SENSOR
+    has_places: ClassVar[bool] = True
 
-    names: Sequence[str]
+    names: Mapping[str, Sequence[str]]
     """What each column is of, (C,)"""
     dt: Array
     """Between rows [s], (n, 1)"""
@@ -50,57 +56,30 @@ class ReadRuns(Instant):
     reading: Array
     """(n, T, C)"""
 
-    def reading_of(self, law: Law) -> Array:
-        """What a law follows, (n, T); of a constant, zeros."""
-        time = self.clocks.begun[:, None] + self.dt * np.arange(self.reading.shape[1])
-        if (clock := law.clock(time, self.clocks.prior_runtime[:, None])) is not None:
-            return clock
-        if law.reading not in ("joint_angle", "joint_velocity"):
-            raise SerpentError(f"no reading here follows the {law.depends_on}.")
-        angle = self.angles.get(law.where)
-        if angle is None:
-            angle = self.reading[..., self._column(law.where)]
-        return angle if law.reading == "joint_angle" else np.gradient(angle, axis=1) / self.dt
+    @property
+    def time(self) -> Array:
+        """Since the session began [s], (n, T)."""
+        return self.clocks.begun[:, None] + self.dt * np.arange(self.reading.shape[1])
 
-    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
-        """Shift what is read of one thing, by a size (n, T)."""
-        at, changed = self._column(law.place), self.reading.copy()
-        changed[..., at] += sizes[0]
+    @property
+    def prior_runtime(self) -> Array:
+        """From the beginning of the log to that of the session [s], (n, 1)."""
+        return self.clocks.prior_runtime[:, None]
+
+    def follow(self, reading: str, place: str) -> Array:
+        """The angle of a joint or its rate, (n, T)."""
+        angle = self.angles.get(place)
+        if angle is None:
+            angle = self.reading[..., self.column(reading, place)]
+        return angle if reading == "joint_angle" else np.gradient(angle, axis=1) / self.dt
+
+    def add(self, handle: str, place: str, size: Array) -> None:
+        """Add a size, (n, T), to what is read of one thing."""
+        changed = self.reading.copy()
+        changed[..., self.column(handle, place)] += size
         self.reading = changed
 
-    def _column(self, place: str) -> int:
-        """Which column is the one of a thing."""
-        return self.at(place).which[0]
-
-    def at(self, place: str) -> "SomeColumns":
+    def where(self, quantity: str, place: str) -> tuple[Any, ...]:
         """The columns of one thing."""
-        which = [n for n, name in enumerate(self.names) if name == place]
-        if not which:
-            raise SerpentError(
-                f"nothing is measured at {place!r}; there are: {', '.join(dict.fromkeys(self.names))}. Name "
-                "one of them."
-            )
-        return SomeColumns(self, which)
-
-
-@dataclass
-class SomeColumns:
-    """Some columns of readings; what is written here is written there."""
-
-    whole: ReadRuns
-    which: list[int]
-
-    @property
-    def dt(self) -> Array:
-        """Between rows [s], (n, 1)."""
-        return self.whole.dt
-
-    @property
-    def reading(self) -> Array:
-        """(n, T, c)."""
-        return self.whole.reading[..., self.which]
-
-    @reading.setter
-    def reading(self, values: Array) -> None:
-        self.whole.reading = self.whole.reading.copy()
-        self.whole.reading[..., self.which] = values
+        self.column(quantity, place)
+        return ..., [n for n, name in enumerate(self.names[SENSOR]) if name == place]

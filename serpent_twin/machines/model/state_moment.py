@@ -7,12 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Instant
-from serpent_twin.effects.law import FORCES, POSITIONS, Law
-from serpent_twin.effects.law import SPRING as SPRING_TO_POINT
-from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.part_of_moment import PartOfMoment
-from serpent_twin.numerals import listed
+from serpent_twin.effects.instant import Instant, force_on
+from serpent_twin.effects.law import FORCES, JOINT_FRICTION, POSITIONS
 
 JOINT, TENDON, SPRING, BODY, ACTUATOR = "joint", "tendon", "spring", "body", "actuator"
 """Kinds of places; what pulls is a spring: tendons, springs of joints and their drives"""
@@ -32,8 +28,25 @@ class StateMoment(Instant):
          "tendon_velocity", "body_position", "body_rotation", "body_velocity", "free_stretch", "told_pull",
          "limits", "usual_torque", "other_torque", "drives"}
     )  # fmt: skip
-    everywhere: ClassVar[frozenset[str]] = frozenset({"dt", "time", "prior_runtime"})
-    """Names of the fields that all places share"""
+    followed: ClassVar[tuple[str, ...]] = ("joint_angle", "joint_velocity", "tension", *POSITIONS)
+    changed: ClassVar[tuple[str, ...]] = ("joint_torque", JOINT_FRICTION, "slack", *FORCES)
+    held_as: ClassVar[Mapping[str, str]] = {
+        JOINT_FRICTION: "gear_friction",
+        **dict.fromkeys(FORCES, "wrench"),
+        **dict.fromkeys(POSITIONS, "body_position"),
+    }
+    kinds: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(
+            ("joint_angle", "joint_velocity", "joint_torque", "gear_friction", "horn_torque"), JOINT
+        ),
+        **dict.fromkeys(
+            ("tendon_length", "tendon_velocity", "tendon_pull", "tendon_friction"), TENDON
+        ),
+        **dict.fromkeys(("drive_torque", "usual_torque"), ACTUATOR),
+        **dict.fromkeys(("body_position", "body_rotation", "body_velocity", "wrench"), BODY),
+    }
+    usual_kind: ClassVar[str] = SPRING
+    has_places: ClassVar[bool] = True
 
     names: Mapping[str, Sequence[str]]
     """Of the places of each kind"""
@@ -106,73 +119,16 @@ class StateMoment(Instant):
         """What the gears of a joint carry: the mean of what enters and of its load [N m or N], (n, J)."""
         return (self.drive_torque @ self.drives + self.other_torque) / 2
 
-    def reading_of(self, law: Law) -> Array:
-        """What a law follows, (n, 1)."""
-        if (clock := law.clock(self.time, self.prior_runtime)) is not None:
-            return clock
-        if law.reading in POSITIONS:
-            at = self.column("body_position", law.where)
-            return self.body_position[:, [at], POSITIONS.index(law.reading)]
-        if law.reading not in _FOLLOWED:
-            raise SerpentError(
-                f"no law follows the {law.depends_on} here; there are: {listed(_ALL_FOLLOWED)}."
-            )
-        at = self.column(law.reading, law.where)
-        return getattr(self, law.reading)[:, at : at + 1]
+    def position(self, body: int) -> Array:
+        """Where a body's centre of mass is in the world [m], (n, 3)."""
+        return self.body_position[:, body]
 
-    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
-        """Change what a law changes, by sizes (n, 1) of each component."""
-        if law.handle not in _CHANGED:
-            raise SerpentError(
-                f"no law changes {law.handle} here; there are: {', '.join(_CHANGED)}."
-            )
-        quantity = _CHANGED[law.handle]
-        at, changed = self.column(quantity, law.place), getattr(self, quantity).copy()
-        if quantity == "wrench":
-            changed[:, at, :3] += self._force(law.handle, at, sizes)
-        else:
-            changed[:, at : at + 1] += sizes[0]
-        setattr(self, quantity, changed)
-
-    def _force(self, handle: str, at: int, sizes: Sequence[Array | float]) -> Array:
-        """A force on a body in the world [N], (n, 3), by its components."""
-        along = np.stack([np.broadcast_to(each, self.time.shape)[:, 0] for each in sizes], axis=-1)
-        if handle == SPRING_TO_POINT:
-            return along[:, :3] - along[:, 3:] * self.body_position[:, at]
-        if handle == "force_in_body":
-            return np.einsum("nxy,ny->nx", self.body_rotation[:, at], along)
-        return along
-
-    def at(self, place: str) -> PartOfMoment:
-        """The moment at one joint, tendon, drive or body."""
-        return PartOfMoment(self, place)
-
-    def column(self, quantity: str, place: str) -> int:
-        """Which column of a quantity is of a place."""
-        kind = _KIND.get(quantity, SPRING)
-        if place not in self.names[kind]:
-            raise SerpentError(
-                f"it needs {quantity} of a {kind}, and {place!r} is none. Name a {kind} of the model."
-            )
-        return list(self.names[kind]).index(place)
-
-
-_FOLLOWED = ("joint_angle", "joint_velocity", "tension")
-"""What laws may follow, besides positions of bodies and clocks"""
-_ALL_FOLLOWED = (*_FOLLOWED, *POSITIONS, "time", "runtime")
-_CHANGED = {
-    "joint_torque": "joint_torque",
-    "joint_friction": "gear_friction",
-    "slack": "slack",
-    **dict.fromkeys(FORCES, "wrench"),
-}
-"""What laws may change, by their names of it"""
-_KIND = {
-    **dict.fromkeys(
-        ("joint_angle", "joint_velocity", "joint_torque", "gear_friction", "horn_torque"), JOINT
-    ),
-    **dict.fromkeys(("tendon_length", "tendon_velocity", "tendon_pull", "tendon_friction"), TENDON),
-    **dict.fromkeys(("drive_torque", "usual_torque"), ACTUATOR),
-    **dict.fromkeys(("body_position", "body_rotation", "body_velocity", "wrench"), BODY),
-}
-"""Of what each quantity is; others are of springs"""
+    def add(self, handle: str, place: str, size: Array) -> None:
+        """Add a size, (n, components), to a quantity at a place: forces are wrenches on bodies."""
+        if handle not in FORCES:
+            super().add(handle, place, size)
+            return
+        at, wrench = self.column(handle, place), self.wrench.copy()
+        rotation, middle = self.body_rotation[:, at], self.body_position[:, at]
+        wrench[:, at, :3] += force_on(handle, size, rotation, middle)
+        self.wrench = wrench

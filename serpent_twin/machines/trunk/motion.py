@@ -80,7 +80,7 @@ class TrunkMoment(Instant):
         if law.reading not in (*FOLLOWED, *POSITIONS):
             there = listed([*FOLLOWED, *POSITIONS, "time"])
             raise SerpentError(f"no law follows the {law.depends_on} here; there are: {there}.")
-        at = column(PLACES[READINGS[law.reading][0]], law.where)
+        at = column(PLACES[READINGS[law.reading].kind], law.where)
         if law.reading in POSITIONS:
             at = 3 * at + POSITIONS.index(law.reading)
             return self.disk[:, at : at + 1]

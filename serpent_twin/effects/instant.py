@@ -1,0 +1,167 @@
+"""Define what effects and laws do with one time step of runs: read it, and change what is used of it."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects.law import FORCES, HANDLES, POSITIONS, SPRING, Law
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import listed
+
+
+class Instant:
+    """A moment whose writable fields are those that its simulation uses; changing others is an error.
+
+    Its arrays are (n, things, …), of n runs and of things that `names` has by their kind.
+    """
+
+    given: ClassVar[frozenset[str]] = frozenset()
+    """Names of the fields that effects read and do not change"""
+    everywhere: ClassVar[frozenset[str]] = frozenset({"dt", "time", "prior_runtime"})
+    """Names of the fields that all things share, (n, 1)"""
+    followed: ClassVar[tuple[str, ...]] = ()
+    """What laws follow here besides clocks, of `law.READINGS`"""
+    changed: ClassVar[tuple[str, ...]] = ()
+    """What laws change here, of `law.HANDLES`"""
+    held_as: ClassVar[Mapping[str, str]] = {}
+    """The fields of those quantities that have another name here"""
+    kinds: ClassVar[Mapping[str, str]] = {}
+    """Of which kind of thing fields are"""
+    usual_kind: ClassVar[str] = ""
+    """And all others"""
+    has_places: ClassVar[bool] = False
+    """Whether effects may be at one thing"""
+
+    names: Mapping[str, Sequence[str]]
+    """Of the things of each kind"""
+    time: Array
+    """Since the session began [s], (n, 1)"""
+    prior_runtime: Any
+    """From the beginning of the log to that of the session [s], or (n, 1)"""
+
+    @classmethod
+    def of(cls, **fields: Any) -> Self:
+        """An instant of all its fields, in a third of the time of its constructor: one is made for every
+        time step.
+        """
+        instant = object.__new__(cls)
+        instant.__dict__.update(fields)
+        instant.__post_init__()
+        return instant
+
+    def __post_init__(self) -> None:
+        own = self.__dict__
+        for name in self.given:
+            if isinstance(value := own[name], np.ndarray) and value.flags.writeable:
+                own[name] = _read_only(value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self.given and name in self.__dict__:
+            raise SerpentError(
+                f"{name} cannot be changed by an effect here: the simulation would not honour it. Effects "
+                f"change {', '.join(n for n in self.__dict__ if n not in self.given)}."
+            )
+        object.__setattr__(self, name, value)
+
+    def reading_of(self, law: Law) -> Array:
+        """What a law follows, (n, 1); of a constant, zeros."""
+        if (clock := law.clock(self.time, self.prior_runtime)) is not None:
+            return clock
+        if law.reading not in self.followed:
+            there = listed([*self.followed, "time", "runtime"])
+            raise SerpentError(f"no law follows the {law.depends_on} here; there are: {there}.")
+        return self.follow(law.reading, law.where)
+
+    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
+        """Change what a law changes, by sizes (n, 1) of each component."""
+        if law.handle not in self.changed:
+            there = listed(self.changed)
+            raise SerpentError(f"no law changes {law.handle} here; there are: {there}.")
+        by = [np.broadcast_to(each, self.time.shape) for each in sizes]
+        self.add(law.handle, law.place, np.concatenate(by, axis=1))
+
+    def follow(self, reading: str, place: str) -> Array:
+        """A quantity at a place, (n, 1)."""
+        at = self.column(reading, place)
+        if reading in POSITIONS:
+            return self.position(at)[:, POSITIONS.index(reading), None]
+        return getattr(self, self._held(reading))[:, at : at + 1]
+
+    def add(self, handle: str, place: str, size: Array) -> None:
+        """Add a size, (n, components), to a quantity at a place."""
+        at, field = self.column(handle, place), self._held(handle)
+        shape = len(self.time), len(self.names[self._kind(field)])
+        changed = np.array(np.broadcast_to(getattr(self, field), shape))
+        changed[:, at] += size[:, 0]
+        setattr(self, field, np.maximum(changed, 0.0) if HANDLES[handle].only_more else changed)
+
+    def position(self, body: int) -> Array:
+        """Where a body is, as laws follow it [m], (n, 3)."""
+        raise NotImplementedError
+
+    def at(self, place: str) -> "Part":
+        """The moment of one thing alone, arrays (n, 1); raises a `SerpentError` where effects have none."""
+        if not self.has_places:
+            told = f"an effect at {place!r} cannot act on this machine. Leave out its place."
+            raise SerpentError(told)
+        return Part(self, place)
+
+    def where(self, quantity: str, place: str) -> tuple[Any, ...]:
+        """The index of a place in a quantity."""
+        at = self.column(quantity, place)
+        return slice(None), slice(at, at + 1)
+
+    def column(self, quantity: str, place: str) -> int:
+        """Which column of a quantity is of a place; raises a `SerpentError` that lists the places."""
+        kind = self._kind(field := self._held(quantity))
+        if place not in (names := self.names[kind]):
+            raise SerpentError(
+                f"it needs {field} of a {kind}, and {place!r} is none; there are: "
+                f"{listed(dict.fromkeys(names)) or 'none'}."
+            )
+        return list(names).index(place)
+
+    def _held(self, quantity: str) -> str:
+        return self.held_as.get(quantity, quantity)
+
+    def _kind(self, field: str) -> str:
+        return self.kinds.get(field, self.usual_kind)
+
+
+def _read_only(array: Array) -> Array:
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
+class Part:
+    """A moment at one place: its arrays are (n, 1, …), and what is written here is written there."""
+
+    def __init__(self, whole: Instant, place: str) -> None:
+        self.__dict__.update(whole=whole, place=place)
+
+    def __getattr__(self, name: str) -> Any:
+        """What the whole has at the place."""
+        whole = self.__dict__["whole"]
+        try:
+            value = getattr(whole, name)
+        except AttributeError as error:
+            raise AttributeError(str(error), name=name, obj=self) from error
+        return value if name in whole.everywhere else value[whole.where(name, self.place)]
+
+    def __setattr__(self, name: str, value: Array) -> None:
+        changed = getattr(self.whole, name).copy()
+        changed[self.whole.where(name, self.place)] = value
+        setattr(self.whole, name, changed)
+
+
+def force_on(handle: str, size: Array, rotation: Array, middle: Array) -> Array:
+    """The force on a body in the base frame [N], (n, 3), by the components of one of `FORCES`, of a body
+    that is turned, (n, 3, 3), and whose centre of mass is there [m], (n, 3).
+    """
+    assert handle in FORCES
+    if handle == SPRING:
+        return size[:, :3] - size[:, 3:] * middle
+    return np.einsum("nxy,ny->nx", rotation, size) if handle == "force_in_body" else size
