@@ -101,12 +101,12 @@ class Instant:
         """Where a body is, as laws follow it [m], (n, 3)."""
         raise NotImplementedError
 
-    def at(self, place: str) -> "Part":
+    def at(self, place: str) -> "MomentAtPlace":
         """The moment of one thing alone, arrays (n, 1); raises a `SerpentError` where effects have none."""
         if not self.has_places:
             told = f"an effect at {place!r} cannot act on this machine. Leave out its place."
             raise SerpentError(told)
-        return Part(self, place)
+        return MomentAtPlace(self, place)
 
     def where(self, quantity: str, place: str) -> tuple[Any, ...]:
         """The index of a place in a quantity."""
@@ -136,7 +136,7 @@ def _read_only(array: Array) -> Array:
     return view
 
 
-class Part:
+class MomentAtPlace:
     """A moment at one place: its arrays are (n, 1, …), and what is written here is written there."""
 
     def __init__(self, whole: Instant, place: str) -> None:

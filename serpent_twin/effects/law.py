@@ -16,7 +16,7 @@ _TEXT = re.compile(r"(\w+) of (.+?): (\w+)(?: (\w+) of (.+))?")
 
 
 @dataclass(frozen=True)
-class Quantity:
+class LawQuantity:
     """What a law may follow or change at places of one kind."""
 
     kind: str
@@ -55,66 +55,68 @@ POSITIONS = ("position_x", "position_y", "position_z")
 _OF_JOINTS = ("joint_angle", "joint_velocity")
 CLOCKS = ("session", "machine")
 """Kinds of what time is of"""
-QUANTITIES: Mapping[str, Quantity] = {
-    "joint_torque": Quantity("joint", "N m", words="a torque{size} at {place}"),
-    JOINT_FRICTION: Quantity("joint", "N m", only_more=True, words="friction{size} at {place}"),
-    "gear_friction": Quantity(
+QUANTITIES: Mapping[str, LawQuantity] = {
+    "joint_torque": LawQuantity("joint", "N m", words="a torque{size} at {place}"),
+    JOINT_FRICTION: LawQuantity("joint", "N m", only_more=True, words="friction{size} at {place}"),
+    "gear_friction": LawQuantity(
         "actuator", "N m", only_more=True, words="gear friction{size} at {place}"
     ),
-    "motor_torque": Quantity("actuator", "N m", words="a torque{size} on the horn of {place}"),
-    "winch_angle": Quantity(
+    "motor_torque": LawQuantity("actuator", "N m", words="a torque{size} on the horn of {place}"),
+    "winch_angle": LawQuantity(
         "actuator",
         "rad",
         words="a turn{size} of the winch of {place} that its encoder does not show",
     ),
-    ACTUATOR_COMMAND: Quantity(
+    ACTUATOR_COMMAND: LawQuantity(
         "actuator",
         "1",
         words="a change{size} of the command that reaches {place}",
         followed=True,
     ),
-    "slack": Quantity("tendon", "m", words="a length{size} that {place} has more"),
-    "force": Quantity("body", "N", 3, words="a force{size} in the base frame on {place}"),
-    "force_in_body": Quantity("body", "N", 3, words="a force{size} in the frame of {place} on it"),
-    SPRING: Quantity(
+    "slack": LawQuantity("tendon", "m", words="a length{size} that {place} has more"),
+    "force": LawQuantity("body", "N", 3, words="a force{size} in the base frame on {place}"),
+    "force_in_body": LawQuantity(
+        "body", "N", 3, words="a force{size} in the frame of {place} on it"
+    ),
+    SPRING: LawQuantity(
         "body", "N", 4, only_more=True, words="a spring{size} that pulls {place} to a point"
     ),
-    "link_turn": Quantity(
+    "link_turn": LawQuantity(
         "body",
         "rad",
         3,
         words="a turn{size} of {place} and all beyond, in its frame",
         only_seen=True,
     ),
-    "marker_shift": Quantity(
+    "marker_shift": LawQuantity(
         "sensor", "m", 3, words="a shift{size} of {place} in its link's frame", only_seen=True
     ),
-    "load_shift": Quantity(
+    "load_shift": LawQuantity(
         "sensor", "1", words="a change{size} of what {place} reads", only_seen=True
     ),
-    "load_scale": Quantity(
+    "load_scale": LawQuantity(
         "sensor", "1", words="a change of what {place} reads by a share{size} of it", only_seen=True
     ),
-    READING_SHIFT: Quantity("sensor", "rad", words="a shift{size} of what is read of {place}"),
-    "camera_shift": Quantity(
+    READING_SHIFT: LawQuantity("sensor", "rad", words="a shift{size} of what is read of {place}"),
+    "camera_shift": LawQuantity(
         "frame", "m", 3, words="a shift{size} of all that the cameras see", only_seen=True
     ),
-    "camera_turn": Quantity(
+    "camera_turn": LawQuantity(
         "frame", "rad", 3, words="a turn{size} of all that the cameras see", only_seen=True
     ),
-    "camera_delay": Quantity(
+    "camera_delay": LawQuantity(
         "frame", "s", words="a delay{size} of all that the cameras see", only_seen=True
     ),
-    "acceleration": Quantity("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
-    "joint_angle": Quantity("joint", "rad", followed=True, rate="joint_velocity"),
-    "joint_velocity": Quantity("joint", "rad/s", followed=True),
-    "motor_angle": Quantity("actuator", "rad", followed=True, rate="motor_velocity"),
-    "motor_velocity": Quantity("actuator", "rad/s", followed=True),
-    "horn_torque": Quantity("actuator", "N m", followed=True),
-    "tension": Quantity("tendon", "N", followed=True),
-    **dict.fromkeys(POSITIONS, Quantity("body", "m", followed=True)),
-    "time": Quantity("session", "s", followed=True),
-    "runtime": Quantity("machine", "s", followed=True),
+    "acceleration": LawQuantity("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
+    "joint_angle": LawQuantity("joint", "rad", followed=True, rate="joint_velocity"),
+    "joint_velocity": LawQuantity("joint", "rad/s", followed=True),
+    "motor_angle": LawQuantity("actuator", "rad", followed=True, rate="motor_velocity"),
+    "motor_velocity": LawQuantity("actuator", "rad/s", followed=True),
+    "horn_torque": LawQuantity("actuator", "N m", followed=True),
+    "tension": LawQuantity("tendon", "N", followed=True),
+    **dict.fromkeys(POSITIONS, LawQuantity("body", "m", followed=True)),
+    "time": LawQuantity("session", "s", followed=True),
+    "runtime": LawQuantity("machine", "s", followed=True),
 }
 """By name, which is that of the moment's quantity"""
 HANDLES = {name: each for name, each in QUANTITIES.items() if each.words}

@@ -10,7 +10,7 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, Instant
-from serpent_twin.effects.instant import Part
+from serpent_twin.effects.instant import MomentAtPlace
 from serpent_twin.effects.law import ACTUATOR_COMMAND
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.clocks import clocks_of, session_time
@@ -167,7 +167,7 @@ class DrivenMoment(Instant):
         return PartOfDrives(self, place)
 
 
-class PartOfDrives(Part):
+class PartOfDrives(MomentAtPlace):
     """A moment of one actuator."""
 
     def tell(self, goal: Array) -> None:
