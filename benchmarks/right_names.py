@@ -64,7 +64,7 @@ def chosen(lines: Sequence[ArmLine], count: int, seconds: float = np.inf) -> lis
 
 def trial_of(line: ArmLine) -> Trial:
     """The trial that a line is of."""
-    every = planned(line.source, 1 + int(line.arm.split("-")[1]), line.seed)
+    every = planned(1 + int(line.arm.split("-")[1]), line.seed)
     return replace(next(t for t in every if t.id == line.arm), sessions=line.sessions)
 
 

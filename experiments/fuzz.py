@@ -57,7 +57,7 @@ class Fuzz(Checked):
     number: Annotated[int, within(1, 100_000_000)] = 10_000
     """Mutants of each source."""
     seed: Seed = 0
-    """Of the mutations."""
+    """Seed of the mutations."""
     out: Path = Path("out/fuzz")
     """Folder for the table and for mutants that were neither read nor refused."""
 

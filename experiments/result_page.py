@@ -34,7 +34,7 @@ class PageContent:
     title: str
     """The heading"""
     command: str
-    """Which measures all of it again, as it is typed"""
+    """The command that measures all of it again, as it is typed"""
     data: str
     """What was measured"""
     sections: tuple[Section, ...]
@@ -121,7 +121,7 @@ def _head(page: PageContent, results: Mapping[str, Any]) -> dict[str, str]:
         "command": page.command,
         "data": page.data,
         "measured": f"{results['date']}, commit {results['git_commit']}",
-        "versions": ", ".join(f"{name} {number}" for name, number in results["versions"].items()),
+        "versions": report.versions_text(results),
     }
 
 

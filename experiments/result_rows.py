@@ -1,12 +1,15 @@
-"""Keep the rows of a study of many arms, one line of results.jsonl each."""
+"""Run the trials of a study of many arms, and keep a line of results.jsonl for each."""
 
-from collections.abc import Callable, Sequence
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 from tqdm import tqdm
 
 from serpent_twin import stored
+from serpent_twin.errors import SerpentError
 from serpent_twin.runs.cluster import cluster
 from serpent_twin.runs.files import json_text, write_whole
 from serpent_twin.runs.processes import processes
@@ -31,7 +34,7 @@ class TrialRow(stored.OpenForm, frozen=True):
     """What every row of results.jsonl has."""
 
     id: str
-    """Of the trial"""
+    """Name of the trial"""
 
 
 class Results:
@@ -97,3 +100,32 @@ _DIED = "every process that tried it died, perhaps for want of memory"
 def failed_row(trial: StudyTrial, why: str) -> dict[str, Any]:
     """The row of a trial that did not reach its end."""
     return {"id": trial.id, "name": trial.name, "failed": why}
+
+
+def run_before(
+    end: float, work: Callable[[Any], dict[str, Any]], trial: StudyTrial
+) -> dict[str, Any] | None:
+    """The row of a trial; None without a trial after the time `end`, in seconds as `time.time`."""
+    return None if time.time() > end else work(trial)
+
+
+def row_or_failure(
+    trial: StudyTrial, more: dict[str, Any], found: Callable[[], dict[str, Any]]
+) -> dict[str, Any]:
+    """The row of a trial with more entries, or, where it ends in an error, why."""
+    row = {"id": trial.id, "name": trial.name} | more
+    try:
+        return row | found()
+    except SerpentError as error:
+        return row | failed_row(trial, str(error))
+
+
+@contextlib.contextmanager
+def said_to(path: Path) -> Iterator[None]:
+    """Let what is printed go to the end of a file: many talk over each other on a screen."""
+    with (
+        path.open("a") as said,
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+    ):
+        yield

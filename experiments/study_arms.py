@@ -29,7 +29,7 @@ class StudyArm:
 
     @property
     def folder(self) -> Path:
-        """Of its logs and its trace."""
+        """Folder of its logs and its trace."""
         return self.study / "trials" / self.id
 
     @property
@@ -69,7 +69,7 @@ def traced_arms(study: Path, most: int) -> list[StudyArm]:
     seed, length = settings["seed"], settings["steps"]
     every = [
         StudyArm(study, trial, seed, Length(trial.sessions, length))
-        for trial in planned("bench", 100, seed, sessions)
+        for trial in planned(100, seed, sessions)
     ]
     there = [each for each in every if each.twin_file.exists()]
     if not there:

@@ -20,6 +20,11 @@ def listed(items: Iterable[object]) -> str:
     return " and ".join(filter(None, [", ".join(texts[:-1]), *texts[-1:]]))
 
 
+def capital(text: str) -> str:
+    """A text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
 def number(value: Any) -> str:
     """A number, also one that is too large for a float."""
     if isinstance(value, int) and abs(value) < 10**15:

@@ -7,9 +7,8 @@ goes on where it stopped.
 from functools import partial
 from typing import Any
 
-from experiments.any_model.config import AnyModel
 from experiments.any_model.score import covered, off, right, told, undecided
-from experiments.any_model.trial import machines, run
+from experiments.any_model.trial import AnyModel, machines, run
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli

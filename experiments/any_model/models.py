@@ -25,14 +25,14 @@ class PublicModel:
     spec: Callable[[], mujoco.MjSpec]
     """Anew at each call"""
     middle: tuple[float, ...]
-    """About which the joints move [rad]"""
+    """Joint positions about which the machine moves [rad]"""
     swing: float
     """How far they move [rad]"""
     drives: Mapping[str, str]
     """The actuators' joints"""
     gain: float
-    """Of the feedback that moves motors, from an angle to a control [1/rad]; 0: position servos follow the
-    goals themselves
+    """Gain of the feedback that moves motors, from an angle to a control [1/rad]; 0: position servos follow
+    the goals themselves
     """
     faults: Mapping[str, float]
     """Strengths of effects at places, one of which each machine has, in SI units"""
@@ -114,4 +114,4 @@ MODELS: Mapping[str, PublicModel] = {
         {"swinging_force@b_5": 12.0, "sticking_joint@joint_3": 8.0, "encoder_wave@joint_2": 0.01},
     ),
 }  # fmt: skip
-"""By name"""
+"""Models by name"""

@@ -21,8 +21,8 @@ _SLIDES = 0.002  # [rad/s] above which dry friction is whole
 VECTORS = ("gravity", "constant_force", "swinging_force")
 """Laws whose strength is a vector"""
 WINDOW, BEYOND, SWING, WAVES = (0.0, 0.3), 0.15, 0.7, 6.0
-"""Of what no catalogue lists: angles from the joint's middle between which it sticks and beyond which it is
-stopped [rad], frequency of a swing [Hz], waves of an encoder in a turn
+"""Parameters of faults that no catalogue lists: angles from the joint's middle between which it sticks and
+beyond which it is stopped [rad], frequency of a swing [Hz], waves of an encoder in a turn
 """
 
 
@@ -51,7 +51,7 @@ class FaultyRun:
 
     @property
     def parameters(self) -> Array:
-        """Of the effect that the trace should find, the strengths, (1,) or (3,)."""
+        """Strengths of the effect that the trace should find, (1,) or (3,)."""
         return self.towards if self.law in VECTORS else np.array([self.strength])
 
     def read(self) -> Array:

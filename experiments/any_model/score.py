@@ -12,7 +12,7 @@ from serpent_twin.effects import law_of, placed, ranges
 Row = Mapping[str, Any]
 """One line of results.jsonl"""
 WITHIN = 0.1
-"""Of a strength"""
+"""Relative error within which a strength counts as near"""
 
 
 def right(row: Row) -> bool:

@@ -1,18 +1,42 @@
 """Record one machine, describe it, trace it, and state what was there and what was found."""
 
-import contextlib
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
-from experiments.any_model.config import AnyModel
 from experiments.any_model.models import MODELS
 from experiments.any_model.record import VECTORS, FaultyRun, describe, record
-from experiments.result_rows import failed_row
+from experiments.result_rows import row_or_failure, said_to
+from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.effects import law_of, place_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
+from serpent_twin.stored import within
+
+
+@dataclass(frozen=True)
+class AnyModel(Checked):
+    """Measure whether the trace names what models of others lack.
+
+    Each machine is a public MJCF with one fault at one place, or with none. Its log is a CSV, its
+    machine.toml a dozen lines.
+    """
+
+    out: Path = Path("any_model")
+    """Folder for results; the same command goes on where it stopped."""
+    only: tuple[str, ...] = ()
+    """Only these models, or only faults of these kinds."""
+    sessions: Annotated[int, within(2, 100)] = 4
+    """Sessions of 12 s; the last one judges."""
+    workers: Annotated[int, within(1, 1024)] = 1
+    """Machines side by side; with several, set OMP_NUM_THREADS=1."""
+    seed: Seed = 0
+    """Seed of motions and noise."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/any-model.md."""
+
 
 CLEAN = "nothing"
 COMPOSED: Mapping[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
@@ -21,8 +45,8 @@ COMPOSED: Mapping[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "encoder_wave": ("reading_shift", ("periodic",), ("joint angle of {at}",)),
     "swinging_force": ("force", ("periodic",), ("time", "runtime")),
 }
-"""Of what no catalogue lists, what a composed law must change at its place, how, and on what: a fault in the
-middle of a motion's range may be seen from one of its ends
+"""Quantity, shapes and readings of the law that must be composed for each fault that no catalogue lists; a
+fault in the middle of a motion's range may be seen from one of its ends
 """
 
 
@@ -46,7 +70,7 @@ class FaultyMachine:
 
     @property
     def strength(self) -> float:
-        """Of the fault, in SI units."""
+        """Strength of the fault, in SI units."""
         model = MODELS[self.model]
         return {**model.faults, **model.accidents}.get(self.fault, 0.0)
 
@@ -75,29 +99,25 @@ def run(config: AnyModel, machine: FaultyMachine) -> dict[str, Any]:
         if not log.exists():
             seed = zlib.crc32(f"{config.seed} {machine.id} {n}".encode())
             record(log, model, machine.fault, machine.strength, seed)
-    try:
-        with (
-            (folder / "said.log").open("a") as said,
-            contextlib.redirect_stdout(said),
-            contextlib.redirect_stderr(said),
-        ):
-            found = trace(Trace((folder / "logs",), folder / "trace", machine=path))
-    except SerpentError as error:
-        return failed_row(machine, str(error))
+
+    def found() -> dict[str, Any]:
+        with said_to(folder / "said.log"):
+            return _found(machine, trace(Trace((folder / "logs",), folder / "trace", machine=path)))
+
+    return row_or_failure(machine, {"model": machine.model, "true": _true(machine)}, found)
+
+
+def _found(machine: FaultyMachine, diagnosis: dict[str, Any]) -> dict[str, Any]:
     return {
-        "id": machine.id,
-        "model": machine.model,
-        "name": machine.name,
-        "true": _true(machine),
-        "named": [_named(machine, each) for each in found["effects"]],
-        "strengths": _strengths(machine, found),
+        "named": [_named(machine, each) for each in diagnosis["effects"]],
+        "strengths": _strengths(machine, diagnosis),
         "rivals": {
             name: [each["name"] for each in several if not each["told_apart"]]
-            for name, several in found["rivals"].items()
+            for name, several in diagnosis["rivals"].items()
         },
-        "stand_ins": [each["name"] for each in found["stand_ins"]],
-        "unexplained": bool(found["unexplained"]["is"]),
-        "seconds": found["seconds"],
+        "stand_ins": [each["name"] for each in diagnosis["stand_ins"]],
+        "unexplained": bool(diagnosis["unexplained"]["is"]),
+        "seconds": diagnosis["seconds"],
     }
 
 

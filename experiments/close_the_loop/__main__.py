@@ -31,7 +31,7 @@ SHARED, OWN = ROOT.parent / "shared" / "logs", ROOT / "data"
 LOGS = Path(os.path.relpath(SHARED if SHARED.is_dir() else OWN))
 SETTINGS = "close_the_loop.json"
 KEPT = ("held_out", "effects", "unexplained", "error_mm", "load_error_percent", "seconds")
-"""Of a diagnosis.json, in results.json"""
+"""Keys of a diagnosis.json that results.json has"""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class CloseTheLoop(Checked):
     discover: bool = True
     """Also compose effects that no catalogue lists; it takes minutes where something is left."""
     seed: Seed = 0
-    """Of bootstrap and permutations."""
+    """Seed of bootstrap and permutations."""
     page: Path | None = None
     """Also write the results as a page, such as docs/results/closing-the-loop.md; arms that are not traced
     now stay there as an earlier run with the same options left them.

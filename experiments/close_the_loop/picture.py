@@ -12,11 +12,11 @@ from matplotlib.figure import Figure as Drawing
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_from_motor, link_frames
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
+from serpent_twin.readouts.score import distances, step_means
 from serpent_twin.reporting.plot_style import COLOURS, INK, LINE
 from serpent_twin.reporting.report import Figure
 from serpent_twin.sessions import Session, read_session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.response import Response
 from serpent_twin.sim.twin import replay_motors
 
 MEASURED, NOMINAL, CORRECTED = "measured", "nominal twin", "corrected twin"
@@ -42,11 +42,11 @@ class Snapshot:
     marker: Mapping[str, Array]
     """[m], (9, 3) each"""
     mean_mm: Mapping[str, float]
-    """Of each twin over the whole session"""
+    """Mean error of each twin over the whole session"""
 
     def error_mm(self, twin: str) -> float:
         """Mean marker distance at this moment [mm]."""
-        return _distance_mm(self.marker[twin], self.marker[MEASURED])
+        return float(1e3 * np.nanmean(distances(self.marker[twin], self.marker[MEASURED])))
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Shown:
 
     figure: Figure
     numbers: dict[str, Any]
-    """Which moment it is, and how far the twins are off"""
+    """The moment, and how far the twins are off"""
 
 
 def picture(
@@ -82,7 +82,10 @@ def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Snaps
             session.time, session.motor_position, corrected, session.prior_runtime
         ),
     }
-    off = {name: _distances_mm(twin, session) for name, twin in twins.items()}
+    off = {
+        name: step_means(1e3 * distances(twin.marker, session.marker))
+        for name, twin in twins.items()
+    }
     gain = off[NOMINAL] - off[CORRECTED]
     whole = np.isfinite(session.marker).all(axis=(1, 2)) & (np.arange(len(session)) >= _DROP)
     rows = np.flatnonzero(whole) if whole.any() else np.arange(len(session))
@@ -93,19 +96,6 @@ def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Snaps
     marker = {MEASURED: session.marker[row]} | {n: t.marker[row] for n, t in twins.items()}
     means = {name: float(np.nanmean(each[_DROP:])) for name, each in off.items()}
     return Snapshot(arm, session.name, float(session.time[row]), joint, marker, means)
-
-
-def _distances_mm(twin: Response, session: Session) -> Array:
-    """Mean marker distance in every row [mm], (T,); NaN where all markers were lost."""
-    apart = 1e3 * np.linalg.norm(twin.marker - session.marker, axis=-1)
-    seen = np.isfinite(apart)
-    number = seen.sum(axis=1)
-    total = np.where(seen, apart, 0.0).sum(axis=1)
-    return np.divide(total, number, out=np.full(len(apart), np.nan), where=number > 0)
-
-
-def _distance_mm(a: Array, b: Array) -> float:
-    return float(1e3 * np.nanmean(np.linalg.norm(a - b, axis=-1)))
 
 
 def draw(at: Snapshot) -> Drawing:

@@ -17,9 +17,9 @@ from experiments.confusion.config import Confusion
 from experiments.confusion.plan import Trial, chosen
 from experiments.confusion.result_page import called_all, pictures, strengths_told
 from experiments.confusion.score import right, scores
-from experiments.confusion.trial import run_before
+from experiments.confusion.trial import run_trial
 from experiments.result_page import publish, store, write_report
-from experiments.result_rows import Results
+from experiments.result_rows import Results, run_before
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
@@ -27,7 +27,7 @@ from serpent_twin.runs.run_lock import claimed
 
 SETTINGS = "confusion.json"
 KEPT = ("id", "kind", "name", "sessions", "truth", "named", "unexplained", "error_mm", "seconds")
-"""Of a row of results.jsonl, in results.json"""
+"""Keys of a row of results.jsonl that results.json has"""
 
 
 def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -36,7 +36,8 @@ def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the
     settings["sessions"] = list(config.sessions)
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
-        work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
+        end = time.time() + 60 * (config.budget_minutes or 1e9)
+        work = partial(run_before, end, partial(run_trial, config))
         try:
             results.complete(trials, work, _line, config.workers, scheduler=config.cluster)
         finally:  # a study that is interrupted keeps its lines
@@ -47,7 +48,7 @@ def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the
 
 
 def _trials(config: Confusion) -> list[Trial]:
-    every = planned(config.source, config.rounds, config.seed, config.sessions)
+    every = planned(config.rounds, config.seed, config.sessions)
     words = {n for t in every for n, _ in t.effects} | {t.level for t in every}
     if unknown := sorted(set(config.only) - words):
         raise SerpentError(

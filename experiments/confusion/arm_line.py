@@ -29,19 +29,19 @@ class ArmLine:
     """One arm, what it had, and what the trace said."""
 
     version: str
-    """Of this project; rates are of one version"""
+    """Version of this project; rates are of one version"""
     commit: str
-    """That traced it"""
+    """Commit that traced it"""
     source: str
     """twin or bench"""
     seed: int
-    """Of the study"""
+    """Seed of the study"""
     sessions: int
-    """Of the arm, the one that judged included"""
+    """Sessions of the arm, the one that judged included"""
     steps: int
-    """Of each session"""
+    """Control steps of each session"""
     generation: int
-    """Of the study, as `confusion.arms` counts them"""
+    """Generation of the study, as `confusion.arms` counts them"""
     arm: str
     """The trial's name in the study"""
     kind: str
@@ -49,7 +49,7 @@ class ArmLine:
     there: str
     """Names of the effects that it had, or none"""
     strength: float
-    """Of the first, in its unit"""
+    """Strength of the first effect, in its unit"""
     unit: str
     called: str
     """Names of the effects that were found; else unexplained, nothing or failed"""
@@ -62,18 +62,18 @@ class ArmLine:
     held: int
     """Strengths that lay in their 95 % interval"""
     intervals: int
-    """Of so many"""
+    """Number of intervals judged"""
     parts_held: int
     """Numbers of the arm's parts, whose truth is known, that lay in their 95 % interval"""
     parts: int
-    """Of so many; 0 where they were not judged"""
+    """Number of parts judged; 0 where they were not"""
     calibrated_mm: float
     corrected_mm: float
     """Mean error on the session held out"""
     complete_mm: float
     """What a twin that lacks nothing would leave"""
     seconds: float
-    """Of the trace"""
+    """Duration of the trace"""
     worth: float
     """What the true law of a fault outside the catalogue would have been worth where laws were sought
     [squared standard errors], as earlier versions computed it; else NaN"""
@@ -97,7 +97,7 @@ class ArmLine:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """The same arm, traced by the same commit."""
+        """What identifies an arm traced by a commit."""
         return self.commit, self.source, self.seed, self.sessions, self.steps, self.arm
 
 

@@ -14,8 +14,8 @@ class Confusion(Checked):
 
     out: Path = Path("confusion")
     """Folder for results; the same command goes on where it stopped."""
-    source: Literal["twin", "bench"] = "twin"
-    """What writes the logs: the twin itself, which is too favourable, or the independent arm of the tests."""
+    source: Literal["bench"] = "bench"
+    """What writes the logs: the independent arm of the tests."""
     rounds: Annotated[int, within(1, 10_000)] = 10
     """Rounds of the plan: each effect once, two clean arms, a pair, the effects outside the catalogue."""
     trials: Annotated[int, within(0, 1_000_000)] = 0

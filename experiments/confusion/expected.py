@@ -123,31 +123,6 @@ def of_bench(name: str, effects: Any) -> list[Answer]:
     return []
 
 
-def of_twin(name: str, at: Mapping[str, float]) -> list[Answer]:
-    """The laws that are right for a fault of a twin that the catalogue lacks."""
-    joint, motor = (f"{kind}{at.get(kind, 0):.0f}" for kind in ("joint", "motor"))
-    on_joint, on_motor = (f"joint angle of {joint}",), (f"motor angle of {motor}",)
-    size = next(iter(at.values()), 0.0)  # the strength comes first
-    several: Mapping[str, list[Answer]] = {
-        "outside_force": _force(int(at.get("link", 0)), ("above",), on_joint, size),
-        "sticking_joint": [_answer(("joint_friction",), (joint,), ("within",), on_joint)],
-        "periodic_push": [
-            _answer(("joint_torque",), (joint,), ("periodic",), ("time", "runtime"), size)
-        ],
-        "load_ripple": [
-            _answer(("motor_torque",), (motor,), ("periodic",), on_motor, size),
-            _answer(
-                ("load_shift",),
-                (f"{motor}_load",),
-                ("periodic",),
-                on_motor,
-                size / ARM.servo.stall_torque,
-            ),
-        ],
-    }
-    return several.get(name, [])
-
-
 def matches(entry: Mapping[str, Any], answers: Sequence[Answer]) -> bool:
     """Whether a discovered effect, or one of those that it is said to be equivalent to, is right."""
     several = [entry, *entry.get("equivalent", [])]

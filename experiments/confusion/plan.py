@@ -16,7 +16,7 @@ STRONG = "strong"
 """One effect alone, far above what is noticed: of the kind `KNOWN`"""
 CLEAN_A_ROUND = 2
 SESSIONS = 4
-"""Of an arm, where nothing else is said"""
+"""Sessions of an arm by default"""
 LEVELS = {KNOWN: (0.1, 2.5), STRONG: (1.5, 4.0), PAIR: (0.7, 2.0), OUTSIDE: (0.5, 2.5)}
 """Strengths of each kind, in typical strengths, drawn evenly in their logarithm: of one effect alone, from
 far below to above what is noticed
@@ -33,7 +33,7 @@ class Trial:
     effects: tuple[tuple[str, float], ...] = ()
     """Names, and strengths in typical strengths"""
     sessions: int = SESSIONS
-    """Of the arm; the last one judges"""
+    """Sessions of the arm; the last one judges"""
     strong: bool = False
     """Whether its effect is drawn from `STRONG` levels"""
 

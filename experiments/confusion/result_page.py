@@ -29,10 +29,7 @@ from serpent_twin.reporting.plot_style import COLOURS, INK, label_logarithmic, t
 from serpent_twin.reporting.report import Figure, Section, Table
 
 RIGHT, WRONG = COLOURS[3], COLOURS[2]
-_SOURCE = {
-    "twin": "arms that are the twin with other parameters, which flatters it",
-    "bench": "arms of `bench_arm`, with a cable law, an integration and a servo model of their own",
-}
+_SOURCE = "arms of `bench_arm`, with a cable law, an integration and a servo model of their own"
 _TEXT = """Effects were injected into arms whose other parameters and noises are drawn at random;
 `trace` then ran on their logs, the last session of each arm held out. "right" means that all injected
 effects were named and nothing else; of an effect outside the catalogue, that the right law was discovered at
@@ -58,7 +55,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         some += f" --trials {len(rows)}"
     command = f"python -m experiments.confusion --source {settings['source']} {size}{seed}"
     command += f" --rounds {asked['rounds']}{some}"
-    data = f"{_SOURCE[settings['source']]}; {listed(numbers)} sessions × {settings['steps']:,} steps each"
+    data = f"{_SOURCE}; {listed(numbers)} sessions × {settings['steps']:,} steps each"
     sections = [
         Section("", _TEXT, (_arms_table(rows),)),
         Section("Rates", "", (_aims_table(rows, results),)),
@@ -149,7 +146,7 @@ def _aims_table(rows: Sequence[Row], figures: Mapping[str, Any]) -> Table:
 
 
 def _limits_table(found: Sequence[Limit]) -> Table:
-    """From which strength on each effect is named."""
+    """Strength from which on each effect is named."""
     columns = {
         "effect": lambda each: spaced(each.name),
         "detection limit": lambda each: each.said,

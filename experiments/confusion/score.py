@@ -72,7 +72,7 @@ class Share:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of the share [1]."""
+        """95 % interval of the share [1]."""
         if not self.of:
             return 0.0, 1.0
         found = binomtest(self.count, self.of).proportion_ci(method="wilson")
@@ -98,17 +98,17 @@ def share(rows: Sequence[Row], good: Any) -> Share:
 
 @dataclass(frozen=True)
 class Limit:
-    """From which strength on an effect is named right in 95 of 100 arms."""
+    """Strength from which on an effect is named right in 95 of 100 arms."""
 
     name: str
     unit: str
     right: Share
     strength: Array
-    """Of every trial, rising"""
+    """Strength of every trial, rising"""
     correct: Array
     """Whether it was named right"""
     limit: float
-    """In its unit; NaN where trials do not tell"""
+    """Detection limit in its unit; NaN where the trials do not determine it"""
     said: str
     """The limit in words"""
 

@@ -60,7 +60,7 @@ def times_limit(effect: Mapping[str, Any], limits: Mapping[str, float]) -> float
 
 
 def _length(kind: type[Effect]) -> float:
-    """Of all strengths of an effect, over the largest of them, for which a limit is stated."""
+    """Length of all strengths of an effect over the largest of them, for which a limit is stated."""
     variant = kind.variants()[0]
     each = np.array([getattr(variant, name) for name in strengths(ranges(kind))])
     return float(np.linalg.norm(each) / np.abs(each).max())

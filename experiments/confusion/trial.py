@@ -1,25 +1,18 @@
 """Run one trial: record an arm, trace it, and state what was there and what was found."""
 
-import contextlib
 import shutil
 import time
-from collections.abc import Iterator
 from typing import Any
 
-from experiments.confusion.arms import SOURCES, Length, Truth
+from experiments.confusion.arms import Length, Truth, write_logs
 from experiments.confusion.config import Confusion
 from experiments.confusion.parts import parts_held
 from experiments.confusion.plan import KNOWN, Trial
 from experiments.confusion.stated_limits import limit_of, stated_limits
-from experiments.result_rows import failed_row
+from experiments.result_rows import failed_row, said_to
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 from serpent_twin.runs.provenance import git_commit
-
-
-def run_before(end: float, config: Confusion, trial: Trial) -> dict[str, Any] | None:
-    """The row of a trial; None without a trial after the time `end`, in seconds as `time.time`."""
-    return None if time.time() > end else run_trial(config, trial)
 
 
 def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
@@ -29,12 +22,12 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
     truth: Truth = {}
     try:
         began, length = time.perf_counter(), Length(trial.sessions, config.steps)
-        truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
+        truth = write_logs(trial, folder / "logs", length, config.seed)
         recorded = time.perf_counter() - began
-        with (folder / "trace.log").open("a") as said, _quiet(said):
+        with said_to(folder / "trace.log"):
             traced = Trace((folder / "logs",), folder / "trace", seed=config.seed)
             found = trace(traced)
-            limits = stated_limits(found)
+            parts, limits = parts_held(found["calibration"], truth), stated_limits(found)
             for each in truth["effects"] if trial.kind == KNOWN else ():
                 limits[each["name"]] = limit_of(traced, each)
     except SerpentError as error:
@@ -57,20 +50,5 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "git_commit": found["provenance"]["git_commit"],
         "recording_seconds": recorded,
         "limits": limits,
-        "parts": _parts(config, found, truth),
+        "parts": (parts.count, parts.of),
     }
-
-
-def _parts(config: Confusion, found: dict[str, Any], truth: Truth) -> tuple[int, int]:
-    """How many numbers of the arm's parts lay in their intervals, and of how many; none of the twin's."""
-    if config.source != "bench":
-        return 0, 0
-    share = parts_held(found["calibration"], truth)
-    return share.count, share.of
-
-
-@contextlib.contextmanager
-def _quiet(said: Any) -> Iterator[None]:
-    """Let the trace talk to a file: many talk over each other on a screen."""
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        yield

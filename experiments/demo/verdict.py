@@ -18,12 +18,12 @@ class PutIn:
     effect: str
     """Name of the effect that a trace should find"""
     place: str
-    """Of its joint; empty where it is of the whole robot"""
+    """Name of its joint; empty where it concerns the whole robot"""
     strength: float
-    """In the unit of the effect's first parameter"""
+    """Strength in the unit of the effect's first parameter"""
     scale: float
     unit: str
-    """In which a person reads it, and what the strength is multiplied by for it"""
+    """Unit that people read, and the factor from the strength to it"""
 
 
 FAULTS = (

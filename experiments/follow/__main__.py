@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.follow.config import FollowStudy
 from experiments.follow.over_device import over_device
 from experiments.follow.paths import PATHS
-from experiments.follow.trial import FIRST, WAYS, rms, run_arm
+from experiments.follow.trial import FIRST, WAYS, FollowStudy, rms, run_arm
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from experiments.study_arms import traced_arms

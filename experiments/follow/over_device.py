@@ -22,7 +22,7 @@ from serpent_twin.runs.files import write_json
 
 _KEPT = ("rows", "missed_deadlines", "latency_ms", "marker9_error_mm", "tip_error_as_estimated_mm")
 SLOW = "steps_a_second"
-"""Of a loop that was stopped because it did fewer than it was asked for"""
+"""Key of the rate of a loop that was stopped because it was slower than requested"""
 
 
 def over_device(arm: StudyArm, out: Path) -> dict[str, Mapping[str, Any]]:

@@ -9,9 +9,9 @@ from serpent_twin.arrays import Array
 from serpent_twin.following.path import PathToFollow
 
 SPEED = 0.02
-"""Of the tip on a path [m/s]"""
+"""Speed of the tip on a path [m/s]"""
 _CENTRE = np.array([0.5, 0.0, -0.15])
-"""From which arms that are some per cent shorter, or lean, reach every path, too [m]"""
+"""Centre of the paths, near enough for arms that are some per cent shorter, or lean [m]"""
 
 
 def _timed(points: Array) -> PathToFollow:

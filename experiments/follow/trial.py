@@ -1,18 +1,19 @@
 """Let one bench arm follow all paths in all ways."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
 from bench_arm.bus import BenchBus, BenchCameras
-from experiments.follow.config import FollowStudy
 from experiments.follow.paths import PATHS
-from experiments.result_rows import failed_row
+from experiments.result_rows import row_or_failure
 from experiments.study_arms import StudyArm, observer_of
 from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arrays import Array
+from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.observer import Observer
 from serpent_twin.estimators.weighing_observer import WeighingObserver
@@ -26,17 +27,38 @@ from serpent_twin.live.follower import Follower
 from serpent_twin.recording.loop import record
 from serpent_twin.runs.provenance import git_commit
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
+from serpent_twin.stored import within
+
+
+@dataclass(frozen=True)
+class FollowStudy(Checked):
+    """Let traced bench arms follow paths, and measure where their tips truly were."""
+
+    study: Path
+    """A study of experiments.confusion --source bench --keep, whose arms and twins are taken."""
+    out: Path = Path("follow_study")
+    """Folder for results; the same command goes on where it stopped."""
+    arms: Annotated[int, within(1, 1000)] = 8
+    """Arms at most, the first ones of the study."""
+    workers: Annotated[int, within(1, 1024)] = 1
+    """Arms side by side."""
+    device: bool = False
+    """Then let the first arm that could, by its own twin, follow the first path in real time, over the wire
+    of the emulated motors, at each rate: some five minutes, with nothing beside it."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/follow.md."""
+
 
 GEOMETRY, NOMINAL, MENDED, FEEDBACK = "geometry", "nominal twin", "its twin", "its twin, feedback"
 WAYS = GEOMETRY, NOMINAL, MENDED, FEEDBACK
 RATE = 20.0
 """Control steps per second"""
 RATES = 4.0, RATE, 100.0
-"""With feedback on the first path"""
+"""Control rates that are tried with feedback on the first path [Hz]"""
 EACH = 5
-"""Of so many rows the tip's place is kept once"""
+"""The tip's place is kept every so many rows"""
 LIMITS = Limits(joint_angle=np.pi / 2)
-"""For the joints' angles that the motors' would give on stiff cables; arm.toml has 60° unless changed"""
+"""Limits of joint angles, as computed from motor angles on stiff cables; arm.toml has 60° unless changed"""
 LOAD = 0.05
 """Taken up half-way along the first path [kg]"""
 FIRST = next(iter(PATHS))
@@ -46,11 +68,7 @@ WEIGHED, WEIGHED_LOADED = "its twin, weighing", "its twin, weighing, 50 g taken 
 
 def run_arm(config: FollowStudy, arm: StudyArm) -> dict[str, Any]:
     """The row of an arm: how far its tip truly was from each path, by each way."""
-    row: dict[str, Any] = {"id": arm.id, "name": arm.name, "git_commit": git_commit()}
-    try:
-        return row | _followed(arm, arm.twin)
-    except SerpentError as error:
-        return failed_row(arm, str(error)) | row
+    return row_or_failure(arm, {"git_commit": git_commit()}, lambda: _followed(arm, arm.twin))
 
 
 def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:

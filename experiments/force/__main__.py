@@ -7,8 +7,7 @@ their logs wrote.
 from functools import partial
 from typing import Any
 
-from experiments.force.config import ForceStudy
-from experiments.force.trial import run_arm
+from experiments.force.trial import ForceStudy, run_arm
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from experiments.study_arms import traced_arms

@@ -15,7 +15,7 @@ _SCALE = 0.1
 """[m/N]: readouts estimate nine places; here the last one is the force, the others stay where they are"""
 _TRAIN, _VALIDATE = slice(None, -2), slice(-2, -1)
 _EPOCHS = 300
-"""At most"""
+"""Largest number of epochs"""
 
 
 def before(log: Session) -> tuple[Array, Array]:

@@ -2,21 +2,21 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
 from bench_arm.sensors import SessionSpec
 from bench_arm.session import RATE, session, simulate
 from experiments.force.bound import Bound, found_by_ideal
-from experiments.force.config import ForceStudy
 from experiments.force.learned import before, learned_errors
-from experiments.result_rows import failed_row
+from experiments.result_rows import row_or_failure
 from experiments.study_arms import StudyArm, observer_of
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
-from serpent_twin.errors import SerpentError
+from serpent_twin.command_line.options import Checked
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.estimators.feeling import feeling
 from serpent_twin.estimators.observer import STILL, Observer
@@ -25,14 +25,36 @@ from serpent_twin.readouts.windows import bus_of
 from serpent_twin.runs.provenance import git_commit
 from serpent_twin.sessions import Session
 from serpent_twin.sim.pushes import Push, drawn
+from serpent_twin.stored import many, within
+
+
+@dataclass(frozen=True)
+class ForceStudy(Checked):
+    """Push traced bench arms, and measure how well their observers feel it."""
+
+    study: Annotated[tuple[Path, ...], many(1, 100)]
+    """Studies of experiments.confusion --source bench --keep, whose arms and twins are taken."""
+    out: Path = Path("force_study")
+    """Folder for results; the same command goes on where it stopped."""
+    arms: Annotated[int, within(1, 1000)] = 4
+    """Arms of each study at most, the first ones."""
+    free_hours: Annotated[float, within(0.0, 1000.0, "h")] = 1.0
+    """How long each arm moves with nothing touching it, for false contacts."""
+    readouts: tuple[str, ...] = ("linear", "mlp", "lstm")
+    """Readouts that learn forces from logs of the same arm, pushed in the same way."""
+    workers: Annotated[int, within(1, 1024)] = 1
+    """Arms side by side."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/force.md."""
+
 
 SUBSTEPS = 80
 ROWS = 960
-"""Of a session that is pushed"""
+"""Rows of a session that is pushed"""
 SESSIONS, PUSHES = 6, 8
 """Pushed at random: sessions, and pushes in each"""
 STEP_N = 0.3
-"""Of the pushes for the contact's delay [N]"""
+"""Size of the pushes for the contact's delay [N]"""
 WEIGHT_KG = 0.05
 SECOND = round(RATE)
 _DROP = 20
@@ -45,11 +67,7 @@ _FREE_ROWS, _SIDE_BY_SIDE = 3600, 4
 
 def run_arm(config: ForceStudy, arm: StudyArm) -> dict[str, Any]:
     """The row of an arm: what was felt of known pushes, of a weight, and of nothing."""
-    row: dict[str, Any] = {"id": arm.id, "name": arm.name, "git_commit": git_commit()}
-    try:
-        return row | _felt(config, arm)
-    except SerpentError as error:
-        return failed_row(arm, str(error)) | row
+    return row_or_failure(arm, {"git_commit": git_commit()}, lambda: _felt(config, arm))
 
 
 def _felt(config: ForceStudy, arm: StudyArm) -> dict[str, Any]:
@@ -106,7 +124,7 @@ class Run:
         self.touched = np.array([each.touched for each in self.felt])
 
     def pushes(self) -> list[dict[str, Any]]:
-        """Of each push: where, how strong, after how many seconds it was found, and on which link."""
+        """Place and size of each push, after how many seconds it was found, and on which link."""
         begins = np.flatnonzero(np.diff(self.link, prepend=0) * (self.link > 0))
         return [self._push(int(n)) for n in begins]
 
@@ -132,7 +150,7 @@ class Run:
 
     @property
     def square(self) -> Array:
-        """Of the force's error [N²], (T,)."""
+        """Square of the force's error [N²], (T,)."""
         return (self.off**2).sum(axis=1)
 
     def weight(self) -> dict[str, Any]:

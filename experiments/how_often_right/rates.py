@@ -22,7 +22,7 @@ LAST = 50
 """How many arms as built, the last ones, show how good the program is now"""
 _NONE = "none"
 _WORTH = 30.0
-"""From which worth on, in squared standard errors, traces sought a fault's law when worths were computed"""
+"""Worth from which on traces sought a fault's law when worths were computed [squared standard errors]"""
 
 
 def names_of(line: ArmLine) -> list[str]:
@@ -127,14 +127,14 @@ def _share(lines: Sequence[ArmLine], good: Callable[[ArmLine], Any]) -> Share:
 
 
 def _median(values: Iterable[float]) -> float | None:
-    """Of those that are numbers."""
+    """Median of the finite values; None without any."""
     there = [value for value in values if np.isfinite(value)]
     return float(np.median(there)) if there else None
 
 
 def _effects(lines: Sequence[ArmLine], every: Sequence[ArmLine]) -> list[dict[str, Any]]:
-    """Of each effect of the catalogue: the detection limits that traces stated, whether it was there or not,
-    by the number of sessions; how often it was named, and how far strengths are off.
+    """For each effect of the catalogue: the detection limits that traces stated, whether it was there or
+    not, by the number of sessions; how often it was named, and how far strengths are off.
     """
     units = {each.there: each.unit for each in lines if each.unit}
     every = [each for each in every if each.generation >= BY_FIT]
@@ -169,7 +169,7 @@ def _named_from(lines: Sequence[ArmLine]) -> str:
 
 
 def _outside(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
-    """Of each fault outside the catalogue: how often it was discovered, and what was then left."""
+    """For each fault outside the catalogue: how often it was discovered, and what was then left."""
     out = []
     for name in sorted({each.there for each in lines}):
         some = [each for each in lines if each.there == name]
@@ -203,8 +203,8 @@ def _called(lines: Sequence[ArmLine]) -> list[list[Any]]:
 
 
 def _track(lines: Sequence[ArmLine]) -> dict[str, dict[str, int]]:
-    """Of each name that was given, how often, and how often it was there; a discovered law, whether it was
-    the right one at its place.
+    """For each name that was given: how often it was given, and how often it was right; a discovered law
+    must be the right one at its place.
     """
     given, right = Counter[str](), Counter[str]()
     for each in lines:
@@ -217,7 +217,7 @@ def _track(lines: Sequence[ArmLine]) -> dict[str, dict[str, int]]:
 
 
 def _commits(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
-    """Of each commit: arms, and how many were right."""
+    """For each commit: arms, and how many were right."""
     out = []
     for commit in dict.fromkeys(each.commit for each in lines):
         some = [each for each in lines if each.commit == commit]

@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from experiments.next_motion.config import NextMotion
 from experiments.next_motion.score import answer, share_right
-from experiments.next_motion.trial import STAGES, TracedArm, run_before, trials
+from experiments.next_motion.trial import STAGES, NextMotion, TracedArm, run_trial, trials
 from experiments.result_page import publish, store
-from experiments.result_rows import Results
+from experiments.result_rows import Results, run_before
 from serpent_twin.command_line import cli
 from serpent_twin.numerals import counted
 from serpent_twin.runs.run_lock import claimed
@@ -26,7 +25,8 @@ def main(config: NextMotion) -> None:  # noqa: D103 tyro would print it above th
     every = trials(config.arms, config.only)
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
-        work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
+        end = time.time() + 60 * (config.budget_minutes or 1e9)
+        work = partial(run_before, end, partial(run_trial, config))
         results.complete(every, work, _line, config.workers)
         _publish(config, every, results, settings)
 

@@ -5,7 +5,6 @@ from functools import partial
 from operator import itemgetter
 from typing import Any
 
-from experiments.next_motion.config import GROUPS
 from experiments.next_motion.score import (
     Row,
     ahead,
@@ -16,7 +15,7 @@ from experiments.next_motion.score import (
     share_right,
     wrong,
 )
-from experiments.next_motion.trial import BEFORE, PLANNED, RANDOM, STAGES
+from experiments.next_motion.trial import BEFORE, GROUPS, PLANNED, RANDOM, STAGES
 from experiments.result_page import PageContent, failures
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted

@@ -1,31 +1,70 @@
 """Record one arm, trace it, plan its next motion, and trace it with that and with more random targets."""
 
-import contextlib
 import shutil
-import time
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 import bench_arm
 from bench_arm.record import SUBSTEPS
 from bench_arm.session import RATE, session
-from experiments.next_motion.config import EFFECTS, NextMotion
-from experiments.result_rows import failed_row
+from experiments.result_rows import row_or_failure, said_to
 from serpent_twin.arrays import Array
+from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 from serpent_twin.planning.run import Plan, plan
 from serpent_twin.recording import motion
 from serpent_twin.sessions import write_session
+from serpent_twin.stored import within
+
+GROUPS = (
+    ("gear_backlash", "cable_friction"),
+    ("payload", "base_tilt", "link_flex"),
+    ("cable_creep", "clamp_slip", "stiffness_drift"),
+    ("mocap_latency", "motor_latency"),
+)
+"""Effects of the independent arm that can be confused with each other"""
+EFFECTS = tuple(name for group in GROUPS for name in group)
+
+
+@dataclass(frozen=True)
+class NextMotion(Checked):
+    """Measure what a planned motion is worth, beside as many random targets.
+
+    Each arm has one effect that can be confused with others. It is traced from one recording of random
+    targets; from two; and from one and a recording of the motion that `plan` makes of the first trace.
+    """
+
+    out: Path = Path("next_motion")
+    """Folder for results; the same command goes on where it stopped."""
+    only: tuple[str, ...] = ()
+    """Only arms with these effects; without, with all ten."""
+    arms: Annotated[int, within(1, 1000)] = 2
+    """Arms for each of the ten effects."""
+    minutes: Annotated[float, within(1.0, 60.0, "min")] = 2.0
+    """Length of a session; a recording is two sessions, and its second one judges."""
+    level: Annotated[float, within(0.01, 10.0)] = 0.15
+    """Strengths of effects, in strengths that an arm of this size shows clearly; each is drawn near it."""
+    workers: Annotated[int, within(1, 1024)] = 1
+    """Arms side by side; with several, set OMP_NUM_THREADS=1."""
+    budget_minutes: Annotated[float, within(0, 1e6, "min")] = 0.0
+    """Begin no arm after this time; 0 for no limit."""
+    seed: Seed = 0
+    """Seed of all random draws."""
+    keep: bool = False
+    """Keep every arm's logs and fits: tens of megabytes each."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/next-motion.md."""
+
 
 BEFORE, RANDOM, PLANNED = "before", "random", "planned"
 STAGES = (BEFORE, RANDOM, PLANNED)
-"""With the first recording alone, and with another one, of random targets or of the planned motion"""
+"""Traces of the first recording alone, and with a second one of random targets or of the planned motion"""
 SESSIONS = 2  # of a recording
 _SPREAD = 0.3  # log: of the strengths of effects
 
@@ -36,7 +75,7 @@ class TracedArm:
 
     id: str
     name: str
-    """Of its effect"""
+    """Name of its effect"""
 
 
 @dataclass(frozen=True)
@@ -56,35 +95,22 @@ def trials(arms: int, only: Sequence[str] = ()) -> list[TracedArm]:
     return [TracedArm(f"{name}-{n:02d}", name) for n in range(arms) for name in names]
 
 
-def run_before(end: float, config: NextMotion, trial: TracedArm) -> dict[str, Any] | None:
-    """The row of a trial; None without a trial after the time `end`, in seconds as `time.time`."""
-    return None if time.time() > end else run_trial(config, trial)
-
-
 def run_trial(config: NextMotion, trial: TracedArm) -> dict[str, Any]:
     """Trace one arm three times; returns what was injected and what was found each time."""
     folder = config.out / "arms" / trial.id
     folder.mkdir(parents=True, exist_ok=True)
     arm = _draw(config, trial)
-    row = {
-        "id": trial.id,
-        "name": trial.name,
-        "strength": float(getattr(arm.effects, trial.name)),
-    }
-    try:
-        with (
-            (folder / "said.log").open("a") as said,
-            contextlib.redirect_stdout(said),
-            contextlib.redirect_stderr(said),
-        ):
-            found = _traced(config, arm, folder)
-    except SerpentError as error:
-        return row | failed_row(trial, str(error))
-    if not config.keep:
-        for each in folder.iterdir():
-            if each.is_dir():
+
+    def found() -> dict[str, Any]:
+        with said_to(folder / "said.log"):
+            answers = _traced(config, arm, folder)
+        if not config.keep:
+            for each in folder.iterdir():
                 shutil.rmtree(each / "stages", ignore_errors=True)
-    return row | {"answers": found}
+        return {"answers": answers}
+
+    strength = float(getattr(arm.effects, trial.name))
+    return row_or_failure(trial, {"strength": strength}, found)
 
 
 def _draw(config: NextMotion, trial: TracedArm) -> _Arm:

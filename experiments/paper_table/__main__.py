@@ -164,7 +164,7 @@ def emulate(
 
 NOISE = list(RANGES).index("marker_noise")
 MOST_MARKER_NOISE = 1.4e-3
-"""Of each coordinate [m]: cameras, and markers that wobble on printed links."""
+"""Largest noise of each coordinate [m]: cameras, and markers that wobble on printed links."""
 REACH = 0.15
 """How far from a full run, as a share of a range's logarithm, the emulator is trusted."""
 
@@ -244,7 +244,7 @@ def worst(errors: dict) -> float:
 
 
 def sensitivity(config: PaperTable) -> dict[str, Any]:
-    """By which share each error changes from a parameter's lower to its upper bound, others midway."""
+    """Relative change of each error from a parameter's lower to its upper bound, with the others midway."""
     points, errors = short_runs(config)
     weights, left_out = emulate(points, errors)
     changes = {

@@ -53,7 +53,7 @@ class SimToReal(Checked):
     conditions_of: str = ""
     """The arm whose simulated twin is put into other conditions; without: the first that lacked something."""
     seed: Seed = 0
-    """Of simulated sessions, drawn twins and first weights."""
+    """Seed of simulated sessions, drawn twins and first weights."""
     workers: Workers = 0
     """Arms studied side by side; 0 for one a core."""
     quick: bool = False

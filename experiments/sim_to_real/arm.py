@@ -44,11 +44,11 @@ COUNTS = (100, 500, 2000)
 ALL = "all"
 SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 FOLLOWED = {"payload": ("payload",), "payload and tilt": ("payload", "base_tilt")}
-"""By loads alone, on the way"""
+"""Numbers that weighing observers follow by loads alone, by name"""
 LONGEST = 1000  # windows that choose the filter's scatter and how fast is followed
 
 STEPS = 65
-"""Of one arm, for the time left"""
+"""Progress steps of one arm"""
 
 OnProgress = Callable[[str], None]
 
@@ -88,7 +88,7 @@ class Study:
     on_progress: OnProgress
 
     def rng(self, *name: str) -> np.random.Generator:
-        """Of one readout, the same in every run."""
+        """Random generator of one readout, the same in every run."""
         return np.random.default_rng([self.seed, *"/".join(name).encode()])
 
     def train(

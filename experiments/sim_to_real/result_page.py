@@ -88,7 +88,9 @@ def lead(arms: Mapping[str, Any]) -> str:
 
 
 def cut_short(arms: Mapping[str, Any]) -> str:
-    """Which networks' training was stopped before its own rule ends it: nothing is compared with these."""
+    """Sentence on networks whose training was stopped before its own rule ends it: nothing is compared with
+    them.
+    """
     stopped = {
         n: k for a in arms.values() for n, k in a.get("stopped_after_epochs", {}).items() if k
     }
@@ -137,7 +139,7 @@ def _named(arms: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def zero_table(arms: Mapping[str, Any]) -> Table:
-    """Trained on twins alone."""
+    """Errors of readouts trained on twins alone."""
     rows = []
     for name, a in arms.items():
         for readout, curve in a["curves_mm"].items():
@@ -186,7 +188,7 @@ def _filter(arms: Mapping[str, Any]) -> str:
 
 
 def filter_table(arms: Mapping[str, Any]) -> Table:
-    """With and without the loads' correction."""
+    """Errors with and without the loads' correction."""
     rows = [arm | {"stage": s} for arm in _named(arms) for s in (CALIBRATED, CORRECTED)]
     columns = {
         "arm": "{name}",
@@ -239,7 +241,7 @@ def _changes(results: Mapping[str, Any]) -> tuple[Table | Figure, ...]:
 
 
 def weighing_table(arms: Mapping[str, Any]) -> Table:
-    """On sessions in which nothing changes."""
+    """Errors on sessions in which nothing changes."""
     columns = {"arm": "{name}", "observer, mm": "{observer_mm:.2f}"}
     for name in next(iter(arms.values()))["weighing_mm"]:
         columns[f"that follows {name}, mm"] = f"{{weighing_mm[{name}]:.2f}}"

@@ -72,7 +72,9 @@ def optimum(rows: Rows) -> Answer:
 
 
 def noiseless_optimum(rows: Rows) -> Answer:
-    """The same of the body itself, without noise."""
+    """The useful capacity of the body itself, without noise, is greatest where the natural period is the
+    command period.
+    """
     return _optimal(rows, lambda row: row.noiseless_total, "in the body itself")
 
 
@@ -100,7 +102,7 @@ class Optimum:
 
     rate: float
     place: Interval
-    """In steps of the stiffness axis"""
+    """Place of the optimum, in steps of the stiffness axis"""
     crossing: float
     """Where the natural period is the command period, in the same steps; beyond the ends, an end"""
     verdict: str

@@ -34,11 +34,11 @@ class Placed(GridPoint):
     """A twin with a logged arm's stiffness and slack, seen by cameras as good as that arm's."""
 
     marker_noise: float = NOMINAL.marker_noise
-    """Of a coordinate [m]"""
+    """Noise of a marker's coordinate [m]"""
 
     @property
     def parameters(self) -> Parameters:
-        """Of the arm."""
+        """Parameters of the arm."""
         return replace(super().parameters, marker_noise=self.marker_noise)
 
 
@@ -165,7 +165,7 @@ def _scaled(target: Array) -> Array:
 
 
 def disagreement(found: Mapping[str, Any]) -> str:
-    """By how much the twin at an arm's place and its logs differ, in a sentence."""
+    """Differences between the twin at an arm's place and its logs, in a sentence."""
     pairs = [(name, mm, found["twin_pose_mm"][name]) for name, mm in found["pose_mm"].items()]
     told = ", ".join(f"{name} {mm:.1f} mm against {twin:.1f}" for name, mm, twin in pairs)
     delays = [

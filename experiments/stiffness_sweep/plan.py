@@ -17,8 +17,9 @@ SPEED = 0.28
 """Rate [Hz] times amplitude [rad], as the servos' speed lets joints go"""
 
 LOAD_NOISE = 0.004
-"""Of a load reading, as a share of the stall torque: what traces leave of the logged arms' loads. The nominal
-twin's 0.015 stands for more than the sensors."""
+"""Noise of a load reading, as a share of the stall torque: what traces leave of the logged arms' loads. The
+nominal twin's 0.015 stands for more than the sensors.
+"""
 
 GRID, RATES, AMPLITUDES, CROSSED = "grid", "rates", "amplitudes", "rates × amplitudes"
 RATIO, WEIGHTLESS, RIGID = "damping ratio held", "without gravity", "rigid cables"
@@ -35,7 +36,7 @@ class Weightless(GridPoint):
         return TwinModel(self.parameters, arm=replace(ARM, gravity=(0.0, 0.0, 0.0)))
 
     def described(self) -> dict[str, Any]:
-        """By names that carry units."""
+        """Values of the point by names that carry units."""
         return super().described() | {"gravity_m_per_s2": 0.0}
 
 
@@ -44,21 +45,21 @@ class SweepPlan:
     """Values to measure at; everything besides the grid at the grid's second slack."""
 
     stiffness: tuple[float, ...]
-    """Of each strand [N/m], ascending"""
+    """Stiffness of each strand [N/m], ascending"""
     slack: tuple[float, ...]
-    """Of each strand [m], ascending"""
+    """Slack of each strand [m], ascending"""
     rate: float
-    """Of the grid's commands [Hz]"""
+    """Rate of the grid's commands [Hz]"""
     seeds: tuple[int, ...]
-    """Of the grid and of what lacks gravity; the rest has the first"""
+    """Seeds of the grid and of the weightless arms; the rest has the first"""
     rates: tuple[float, ...]
-    """Of commands [Hz], the grid's among them; each with as wide targets as the servos' speed allows"""
+    """Rates of commands [Hz], the grid's among them; each with as wide targets as the servos' speed allows"""
     amplitudes: tuple[float, ...]
-    """Of joint targets [rad], the grid's among them; at the grid's rate"""
+    """Amplitudes of joint targets [rad], the grid's among them; at the grid's rate"""
     weightless: tuple[float, ...]
     """Stiffness of arms without weight [N/m]"""
     noises: tuple[float, ...]
-    """Of load readings, as shares of the stall torque, at the middle stiffness"""
+    """Noises of load readings, as shares of the stall torque, at the middle stiffness"""
     steps: int
     """Command periods of each point"""
     log_rows: int | None

@@ -134,7 +134,7 @@ def _give(rows: Rows) -> str:
 
 
 def _best(rows: Rows) -> str:
-    """Which stiffness serves pose and memory, in a sentence."""
+    """The stiffness that serves pose and memory best, in a sentence."""
     stiffness = sorted({row.stiffness for row in rows[GRID]})
     useful = np.nanmean(values(rows[GRID], lambda row: row.useful_total), axis=(0, 2))
     most = int(np.nanargmax(useful))

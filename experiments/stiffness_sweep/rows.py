@@ -7,7 +7,7 @@ from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 from serpent_twin.reservoir.sweep.rows import SweepRow, row_of
 
 Rows = Mapping[str, Sequence[SweepRow]]
-"""By what the points are for"""
+"""Rows by the purpose of their points"""
 
 
 def rows_of(

@@ -15,7 +15,7 @@ from serpent_twin.estimators.observer import Observer
 from serpent_twin.following import path as paths
 from serpent_twin.following.options import Follow
 from serpent_twin.following.path import PathToFollow
-from serpent_twin.following.picture import drawn, write
+from serpent_twin.following.picture import drawn
 from serpent_twin.following.planning import PathPlan, planned, slack_cables
 from serpent_twin.following.reaching import JointBounds
 from serpent_twin.following.steering import COLUMNS, PathSteering
@@ -27,6 +27,8 @@ from serpent_twin.live.run import LivePlan, readout_hashes, run_and_state
 from serpent_twin.numerals import listed
 from serpent_twin.recording import collect, run_settings
 from serpent_twin.recording.loop import Beside
+from serpent_twin.reporting.report import as_png
+from serpent_twin.runs.files import write_whole
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
@@ -60,7 +62,7 @@ def follow(config: Follow) -> dict[str, Any]:
 
     def tell(results: Mapping[str, Any]) -> None:
         print(_told(results))
-        write(config.out / PICTURE, _drawn(plan, steering, course))
+        write_whole(config.out / PICTURE, as_png(_drawn(plan, steering, course)))
 
     def found() -> dict[str, Any]:
         return _errors(plan, steering, course)

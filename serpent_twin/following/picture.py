@@ -1,14 +1,12 @@
 """Draw a path and where the gripper's end was."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.reporting.plot_style import COLOURS, SOFT, sheet, tidy
-from serpent_twin.reporting.report import as_png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -44,10 +42,3 @@ def drawn(time: Array, wanted: Array, tips: Mapping[str, Array]) -> "Drawing":
         *axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False
     )
     return drawing
-
-
-def write(file: Path, drawing: "Drawing") -> None:
-    """Write a drawing as PNG."""
-    part = file.with_name(file.name + ".partial")
-    part.write_bytes(as_png(drawing))
-    part.rename(file)

@@ -21,8 +21,8 @@ _STRONGER = (1.0, 1.2, 1.4, 1.7, 2.0)
 """Times an effect's strength at which a fit begins again without what stood for a part of it"""
 
 _SAME = 0.03
-"""Of a change's squares, below which declared parameters do the same: segments begin at measured poses, where
-a marker that is elsewhere shows less
+"""Below this share of its squares beyond the declared parameters, a change counts as theirs: segments begin
+at measured poses, where a misplaced marker shows less
 """
 _AS_GOOD = 0.005
 """Share of its cost by which a fit may differ where it comes in: joints that stick make it rough"""

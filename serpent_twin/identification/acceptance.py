@@ -23,8 +23,9 @@ from serpent_twin.machines.case import Case
 WORTH_IT = 0.04
 """Least relative gain on held-out logs of an accepted effect, markers and loads with equal weight"""
 WORTH_IN_A_SENSOR = 0.08
-"""The same of one that shows in one sensor alone, by that sensor: of 87 arms that lack nothing, one law of so
-many at so many sensors gained 0.05; those of five that had such a fault gained 0.26 and more
+"""Least relative gain, on its own sensor, of an effect that shows in one sensor alone: of 87 arms that lack
+nothing, one law of so many at so many sensors gained 0.05; those of five that had such a fault gained 0.26
+and more
 """
 CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
@@ -66,7 +67,7 @@ class CandidateTrial:
     errors: Errors | None = None
     """Held-out, with it if it was fitted"""
     fits: float = 0.0
-    """By how much it fits the training segments better, as the logarithm of the ratio of rms residuals"""
+    """Logarithm of the ratio of rms residuals on the training segments, without and with it"""
     opened: bool = False
     """Whether it was fitted from where nothing is calibrated"""
     neglected: float = 0.0
@@ -74,8 +75,8 @@ class CandidateTrial:
 
     @property
     def evidence(self) -> float:
-        """By how much errors are less on training and on held-out logs alike, in logarithms: the held-out
-        logs of one session alone may prefer a candidate of which another fits all others better.
+        """Reduction of the errors on training and on held-out logs alike, in logarithms: the held-out logs
+        of one session alone may prefer a candidate although another fits all others better.
         """
         gained = self.gain.whole if self.gain else 0.0
         return (self.fits - float(np.log(max(1 - gained, _LEAST_ERROR)))) / 2
@@ -92,7 +93,7 @@ class PairTrial:
 
     pair: Pair
     trial: CandidateTrial
-    """Its score is the first one's"""
+    """Trial of the law; its score is the first one's"""
     why_not: str
     """Why the pair is not accepted, or nothing"""
 
@@ -138,20 +139,21 @@ class Selection:
     """All rounds and the resulting twin."""
 
     case: Case[Any]
-    """With its last weights"""
+    """The case with its last weights"""
     calibrated: Fit
     settled: Fit
-    """With the effects that stay, as the rounds left it"""
+    """The fit with the effects that stay, as the rounds left it"""
     final: Fit
-    """The same, fitted to more segments"""
+    """The accepted fit, fitted to more segments"""
     rounds: tuple[Round, ...]
     rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)
-    """Of each accepted effect"""
+    """Rivals of each accepted effect"""
     cautions: tuple[str, ...] = ()
     """What was not sought, in sentences"""
     undetermined: Mapping[tuple[str, int], float] = field(default_factory=dict)
-    """Of components of effects that the logs do not determine, by effect and index: within how much of zero
-    they are"""
+    """Half width of the interval about zero of components that the logs do not determine, by effect and
+    index
+    """
 
 
 def weakness(found: Gain) -> str:

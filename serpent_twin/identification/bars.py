@@ -30,11 +30,11 @@ class Bars:
     """Mean errors of the pose that a twin which lacks nothing may have, in its measure's unit."""
 
     camera_noise: float
-    """By the measurement's noise alone: what no pose of the machine explains"""
+    """Error by the measurement's noise alone: what no pose of the machine explains"""
     complete_twin: float
-    """With the noise in the start, and parameters as uncertain as fits to such noise are"""
+    """Error with the noise in the start, and parameters as uncertain as fits to such noise are"""
     jitter: float
-    """By the part of the residual that changes from row to row like noise; not capped"""
+    """Error by the part of the residual that changes from row to row like noise; not capped"""
     before_change: float = 0.0
     """What the twin left of the machine before that was changed; 0 without such a twin"""
 

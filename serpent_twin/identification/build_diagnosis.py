@@ -49,7 +49,7 @@ Case = AnyCase[Any]
 FAR = 3.0
 """Times what could be noise, above which accepted effects stand for something else"""
 EXPLAINS = 0.85
-"""But not where they explain so much of the squared error above the bar"""
+"""Effects are no stand-ins if they explain at least this share of the squared error above the bar"""
 _NARROWER = 0.9
 """Share of its range from which on an interval says nothing of a parameter"""
 

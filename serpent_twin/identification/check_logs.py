@@ -21,7 +21,7 @@ from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Log, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.report import text_table, write
+from serpent_twin.reporting.report import text_table, versions_text, write
 from serpent_twin.residual import settled
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.progress import Progress
@@ -127,7 +127,7 @@ def _write(out: Path, logs: str, found: Identifiability, settings: dict[str, Any
     facts = {
         "logs": logs,
         "commit": str(origin["git_commit"]),
-        "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
+        "versions": versions_text(origin),
     }
     if notes := settings.get("reading_notes"):
         facts["read"] = " ".join(notes)

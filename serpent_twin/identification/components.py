@@ -22,7 +22,7 @@ from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 
 Undetermined = Mapping[tuple[str, int], float]
-"""Of components that the logs do not determine, by effect and index: within how much of zero they are"""
+"""Half width of the interval about zero of components that the logs do not determine, by effect and index"""
 
 
 def without_undetermined(

@@ -31,10 +31,12 @@ _ENOUGH = 16
 _FITTED, _NEAR = 2, 0.8
 """Candidates that are fitted; of what the best removes, what another must"""
 _AS_MUCH = 0.9
-"""Of what a named effect removed, what a law must to be tried in its place, both to first order"""
+"""A law is tried in place of a named effect if it removes at least this fraction of what the effect
+removed, both to first order
+"""
 _IDEALISED = 0.05
-"""Of what named effects gain, how much more a law must that replaces them: what effects neglect at most, as
-`simplified` of the effects says
+"""A law replaces named effects if it gains at least this fraction more than they do: effects neglect no
+more than that, as their `simplified` says
 """
 
 _IN_PLACE = "the effects in whose place it was tried"

@@ -132,7 +132,9 @@ def _limits(
     goal: Callable[[float | None], Array],
     first: Array,
 ) -> Array:
-    """The same once a fit took up what it can of the effect, from what it is to first order."""
+    """Detection limits after the fit has absorbed what it can of the effect, from the limits to first
+    order.
+    """
     by_scatter, by_gain = (1 / first[:2]).tolist()
     share = float(first[2])
     times = _SURELY * max(by_scatter, by_gain)

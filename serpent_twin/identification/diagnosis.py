@@ -17,10 +17,9 @@ from serpent_twin.identification.moved import Moved
 from serpent_twin.identification.next_motion import NOT_EXCITED, next_motion
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.identification.unexplained import SUSPECT, Unexplained
-from serpent_twin.identification.wording import DISCOVERED, spaced, with_numbers
+from serpent_twin.identification.wording import DISCOVERED, spaced
 from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
-from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.whiteness import Whiteness
 
 _LISTED = 3
@@ -38,9 +37,9 @@ class Named:
     name: str
     parameters: Mapping[str, ParameterEstimate]
     gain: float
-    """By how much it reduces the held-out marker error"""
+    """Reduction of the held-out marker error"""
     gain_load: float
-    """By how much it reduces the held-out load error"""
+    """Reduction of the held-out load error"""
     probability_of_chance: float
     """Probability of no gain at all [1]"""
     judged_on: str
@@ -70,9 +69,9 @@ class Tried:
     score: float
     """Share of the residual's squares that it would remove, to first order [1]"""
     gain_by_segment: Array | None
-    """On held-out segments, if it was fitted"""
+    """Gain on each held-out segment, if it was fitted"""
     why: str
-    """In words"""
+    """Reason for the verdict, in words"""
     doubt: float | None = None
     """Probability of chance, where these logs were better described with it, and more may show it [1]"""
 
@@ -108,7 +107,7 @@ class Diagnosis:
     stand_ins: tuple[Named, ...] = ()
     """Effects of the corrected twin that come nearest to what it lacks, but are not its cause"""
     rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)
-    """Of each effect: others that look like it"""
+    """Other effects that look like each effect, by its name"""
     pairs: tuple[PairTrial, ...] = ()
     """Pairs of candidates that were tried together"""
     marker: Measure = MARKERS
@@ -118,13 +117,13 @@ class Diagnosis:
     identifiability: Identifiability | None = None
     """What the logs can tell at all"""
     whiteness: Whiteness | None = None
-    """Of the corrected twin's residual"""
+    """Whiteness of the corrected twin's residual"""
     places: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """The entry that says where a candidate acts, by its name: empty for one that acts everywhere"""
     curves: Mapping[str, FreeCurve] = field(default_factory=dict)
     """Composed laws beside free curves, by the effect's name"""
     shapes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Of each composed effect: the same effect with each other shape of its law that fits the logs as well"""
+    """Names of each composed effect with other shapes of its law that fit the logs as well, by its name"""
     shown: Comparison | None = None
     """All sessions beside the nominal twin, of which a first picture shows one"""
 
@@ -219,28 +218,6 @@ class Diagnosis:
             "may be missing."
         )
 
-    def sentence(self) -> str:
-        """The diagnosis in a line or two."""
-        error, unit = self.error, self.marker.unit
-        course = (
-            f"{error['nominal']:.2f} {unit} nominal, {error['calibrated']:.2f} {unit} calibrated, "
-            f"{error['corrected']:.2f} {unit} corrected "
-            f"({self.marker.noise}: {in_words(error['noise_floor'], unit)})"
-        )
-        if not self.effects:
-            what = "nothing was found missing" if self.doubt or self.moved else "nothing is missing"
-            if self.unexplained.is_:
-                what = "no known effect explains it"
-                if self.stand_ins:
-                    what += f"; nearest comes {' and '.join(map(self._told, self.stand_ins))}"
-            elif self.blind:
-                what = "these logs cannot show whether anything is missing"
-        else:
-            what = "it lacked " + " and ".join(map(self._told, self.effects))
-        rest = f"Unexplained: {self.unexplained.depends_on}" if self.unexplained.is_ else self.doubt
-        parts = (f"{self.arm}: {what}. {course}.", self.not_as_built, rest, self.power)
-        return " ".join(part for part in parts if part)
-
     @property
     def power(self) -> str:
         """Where nothing was found: how strong an effect would have had to be; else empty."""
@@ -266,16 +243,6 @@ class Diagnosis:
         """The effects that these logs cannot distinguish from one."""
         rivals = [each.name for each in self.rivals.get(name, ()) if not each.told_apart]
         return [*rivals, *self.shapes.get(name, ())]
-
-    def _told(self, effect: Named) -> str:
-        """An effect with its strength, and the rivals that these logs do not tell from it."""
-        alike = self._alike(effect.name)
-        values = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
-        told = f"{effect.name} ({values})"
-        if law_of(effect.name) == DISCOVERED:
-            told = with_numbers(effect.name, effect.parameters)
-        cannot = f"these logs cannot tell it from {' or '.join(map(_short, alike))}"
-        return f"{told}; {cannot}" if alike else told
 
 
 def _short(name: str) -> str:

@@ -34,7 +34,7 @@ from serpent_twin.machines.case import Case
 _COULD = 0.5
 """Share of an accepted effect's evidence from which another could have been accepted in its place"""
 _EACH, _MOST = 2, 7
-"""Others in the place of one effect, and sets that are fitted"""
+"""Number of others tried in the place of one effect, and of sets that are fitted"""
 _SAME = 1e-3
 """Difference of evidence up to which one effect is another by another name"""
 _BETTER = 0.03
@@ -52,7 +52,7 @@ class Exchange:
     """Weighed by what the set leaves"""
     fit: Fit
     rounds: tuple[Round, ...]
-    """With a last one that accepted the set"""
+    """Rounds, with a last one that accepted the set"""
 
 
 def exchanged(

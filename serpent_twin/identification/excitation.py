@@ -9,13 +9,13 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.estimates import key
 from serpent_twin.machines.case import Case
-from serpent_twin.numerals import listed
+from serpent_twin.numerals import capital, listed
 from serpent_twin.residual import ANGLE, Comparison, Measure
 
 STILL = 0.01
 """Range of an angle [rad] up to which it counts as still: some counts of a servo's encoder"""
 _STILL = 1e-9
-"""The same of what is no angle, in its unit"""
+"""Range below which a quantity that is no angle counts as still, in its unit"""
 _RELATED = 0.1
 """Least correlation of where an effect shows with a motion that is suggested"""
 _ALL = "move all joints further and faster"
@@ -31,7 +31,7 @@ class InputExcitation:
 
     name: str
     range: float
-    """Of its angle [rad], or of what else its measure says"""
+    """Range of its angle [rad], or of the quantity that its measure names"""
     speed: float
     """Root mean square of its rate [rad/s]"""
     measure: Measure = ANGLE
@@ -54,7 +54,7 @@ class InputExcitation:
 
 
 def excitation(comparison: Comparison) -> tuple[InputExcitation, ...]:
-    """Of every motor, as logged, then of every joint, as the twin has it."""
+    """Excitation of every motor, as logged, then of every joint, as simulated."""
     return tuple(
         InputExcitation(name, float(np.nanmax(angle) - np.nanmin(angle)), _rms(speed), of)
         for name, angle, speed, of in _inputs(comparison)
@@ -97,7 +97,7 @@ def advice(case: Case[Any], pieces: Any, without: Comparison, hidden: Mapping[st
         wanted.setdefault(motion, []).append(name.replace("_", " "))
     told = [f"to show {listed(names)}, {motion}" for motion, names in wanted.items()]
     text = "; ".join([f"move {listed(still)}", *told] if still else told)
-    return f"{text[:1].upper()}{text[1:]}."
+    return f"{capital(text)}."
 
 
 def _motion(without: Comparison, change: Array) -> str:

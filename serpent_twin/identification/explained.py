@@ -23,7 +23,7 @@ class Explained:
     """A residual of which parameters and effects took up what they can."""
 
     known: Information
-    """On the parameters, with the new weights"""
+    """Information on the parameters, with the new weights"""
     left: Array
     """What is left of the residual, by the new weights, (N,)"""
     noise: Array
@@ -77,7 +77,7 @@ def _precision(of: Candidate, score: Score) -> float:
 
 
 def _strongest(of: Candidate, score: Score) -> int:
-    """Which of an effect's parameters is the strength of its best variant."""
+    """Index of the parameter that is the strength of an effect's best variant."""
     return max(strengths(of), key=lambda k: abs(score.tried[k]))
 
 
@@ -95,7 +95,7 @@ class EffectChange:
         if self.information <= _SEEN * known.weight * self.size:
             self.information, self.beyond = 0.0, np.zeros_like(change)
         self.taken = known.weight * np.linalg.solve(known.matrix, known.slopes @ change)
-        """By how much each parameter takes it up, (P,)"""
+        """Step of each parameter that absorbs the change, (P,)"""
 
     @property
     def typical(self) -> float:

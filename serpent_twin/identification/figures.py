@@ -252,7 +252,7 @@ def place_and_time(twins: Mapping[str, Twin]) -> Figure:
     """The error of each joint or marker over time, with all twins on one scale."""
     drawing, panels = sheet(9, 0.8 + 2.2 * len(twins), columns=1, rows=len(twins))
     twins = {
-        stage: (short if found.joints else short.joined(), found)
+        stage: (short if found.joints else short.joined, found)
         for stage, (short, found) in twins.items()
     }
     shown = [marker_curve(comparison, found.joints) for comparison, found in twins.values()]

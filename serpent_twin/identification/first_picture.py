@@ -31,7 +31,7 @@ _ADJACENT = 1.5
 
 
 Rows = NDArray[np.intp]
-"""Which rows of all segments, (T,)"""
+"""Indices of rows of all segments, (T,)"""
 
 
 @dataclass(frozen=True)

@@ -29,29 +29,29 @@ class Fit:
     error: Array
     """Standard errors of the free parameters, in their coordinates, (len(free),)"""
     correlation: Array
-    """Of these errors, (len(free), len(free))"""
+    """Correlation of these errors, (len(free), len(free))"""
     converged: bool
     jacobian: Array
     """Derivative of the residual by the free parameters on the segments `used`, (len(free), S, n)"""
     residual: Array
-    """On the segments `used`, (S, n)"""
+    """Residual on the segments `used`, (S, n)"""
     used: tuple[int, ...]
     noise: Array
     """What the residual was divided by, (channels,)"""
 
     def standard_error(self, coordinates: Sequence[int]) -> float:
-        """Of the sum of some of the declared coordinates; those held fixed have none."""
+        """Standard error of the sum of some declared coordinates; those held fixed contribute none."""
         at = [self.free.declared.index(k) for k in coordinates if k in self.free.declared]
         error = self.error[at]
         return float(np.sqrt(error @ self.correlation[np.ix_(at, at)] @ error))
 
     def cost_with(self, variance_inflation: float) -> float:
-        """Its cost if so many numbers of the residual counted as one."""
+        """Cost of the fit if so many numbers of the residual counted as one."""
         squares = float((self.residual.astype(float) ** 2).sum())
         return self.cost + squares * (1 / variance_inflation - 1 / self.variance_inflation)
 
     def only(self, kept: Sequence[int]) -> "Fit":
-        """The same as if of its free parameters, by their numbers, only some were free."""
+        """The fit as if only some of its free parameters, by index, were free."""
         some = np.array(kept, int)
         return replace(
             self,
@@ -62,7 +62,7 @@ class Fit:
         )
 
     def without(self, names: Collection[str]) -> "Fit":
-        """The same as if some effects were neither present nor free: its residual is still with them."""
+        """The fit as if some effects were neither present nor free; its residual is still with them."""
         first = len(self.free.declared)
         others = [first + k for k, (n, _) in enumerate(self.free.effects) if n not in names]
         held = self.only([*range(first), *others])
@@ -79,8 +79,8 @@ class Fit:
 
 
 def fits_better(before: Fit, after: Fit, channels: int) -> float:
-    """By how much one fit leaves less of the segments that both used than another, by that one's weights: the
-    logarithm of the ratio of rms residuals.
+    """Logarithm of the ratio of rms residuals of two fits on the segments that both used, by the weights of
+    one of them.
     """
     common = sorted({*before.used} & {*after.used})
     size = []

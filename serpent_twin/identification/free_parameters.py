@@ -119,7 +119,7 @@ def room(case: Case[Any], point: ParameterVector, free: FreeParameters) -> tuple
 
 
 def at_its_end(case: Case[Any], point: ParameterVector, free: FreeParameters) -> np.ndarray:
-    """Which declared parameters a fit took as far as it may, (len(free.declared),)."""
+    """Whether a fit took each declared parameter to its bound, (len(free.declared),)."""
     farthest = np.array([case.declared[k].farthest for k in free.declared])
     return np.asarray(np.abs(point.declared[list(free.declared)]) > _NEARLY * farthest)
 

@@ -26,7 +26,9 @@ order, which is rough where nothing is calibrated
 BEHIND = 2.0
 """Times the least cost by the same weights, above which a fit is gone on with no further"""
 HOPELESS = 100.0
-"""The same after a first derivative, which may leave much to a second"""
+"""Times the least cost by the same weights above which a fit is given up after its first derivative, which
+may leave much to a second
+"""
 Opening = tuple[Case[Any], Fit]
 """A case, and the fit without any step from where nothing is calibrated"""
 

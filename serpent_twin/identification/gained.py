@@ -56,7 +56,7 @@ def gained(
 def _gained(
     case: Case[Any], score: Score, before: Errors, after: Errors, selected: float | None
 ) -> Gain:
-    """The same on held-out logs."""
+    """Gain on held-out logs."""
     if (sensor := sensor_of(case, score)) is None:
         return gain(before, after, selected)
     measures = [each.measure for each in case.machine.outputs]

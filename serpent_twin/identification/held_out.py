@@ -27,12 +27,12 @@ class Errors:
     load_by_block: Array
     """Root mean square of the moving motors' loads; NaN without loads"""
     of_markers: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
-    """The same of each marker, (S, B, M)"""
+    """Mean error of each marker, (S, B, M)"""
     of_loads: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
-    """And of each load, (S, B, N)"""
+    """Root mean square error of each load, (S, B, N)"""
 
     def at(self, markers: Sequence[int], loads: Sequence[int]) -> "Errors":
-        """Those of some markers and loads alone."""
+        """Errors of some markers and loads alone."""
         marker, load = self.of_markers[..., list(markers)], self.of_loads[..., list(loads)]
         mean, square = (_means(np.moveaxis(each, -1, 1)) for each in (marker, load**2))
         return Errors(mean, np.sqrt(square), marker, load)
@@ -105,11 +105,11 @@ class Gain:
     marker_by_segment: Array
     """Gain of the mean marker distance, (S,)"""
     marker: float
-    """Its mean"""
+    """Mean gain of the mean marker distance"""
     load: float
-    """Of the load error"""
+    """Gain of the load error"""
     probability_of_chance: float
-    """That the mean gain is not above zero, see `chance` and `together`"""
+    """Probability that the mean gain is not above zero, see `chance` and `together`"""
     everywhere: float = float("nan")
     """Mean relative gain in all that is measured of held-out logs, where the others are of less [1]"""
     of_one_sensor: bool = False
@@ -133,7 +133,7 @@ class Gain:
 
     @property
     def where(self) -> str:
-        """Of what the relative gain is, in words."""
+        """What the relative gain refers to, in words."""
         return "training segments that were left out" if self.left_out else "held-out logs"
 
 

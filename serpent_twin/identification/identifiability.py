@@ -22,21 +22,21 @@ class ParameterIdentifiability:
     name: str
     """The quantity, such as `strand stiffness 3+`"""
     unit: str
-    """Of both standard deviations"""
+    """Unit of both standard deviations"""
     prior: float
     """Standard deviation before the logs"""
     posterior: float
-    """And after them"""
+    """Standard deviation with the logs"""
     variance_inflation: float
     """Posterior variance over the variance with all other parameters known [1]"""
     confounded_with: str
     """The parameter or effect whose error its own is most correlated with"""
     correlation: float
-    """Of the two errors [1]"""
+    """Correlation of the two errors [1]"""
 
     @property
     def ratio(self) -> float:
-        """Of posterior and prior [1]."""
+        """Ratio of posterior to prior [1]."""
         return self.posterior / self.prior
 
     def numbers(self) -> dict[str, Any]:
@@ -131,7 +131,7 @@ class Identifiability:
         return " ".join(filter(None, [f"{said}{held}", self.advice]))
 
     def power(self) -> str:
-        """From which strength on each effect would have been found, in a sentence or two."""
+        """Strengths from which on effects would have been found, in a sentence or two."""
         found = [each for each in self.effects if isfinite(each.limit)]
         limits = listed(f"{spaced(each.name)} of {_amount(each)}" for each in found)
         lost = listed(spaced(each.name) for each in self.effects if not isfinite(each.limit))

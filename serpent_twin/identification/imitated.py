@@ -30,9 +30,9 @@ class Imitated:
     """What is left of an effect's change once the parameters took up what they can."""
 
     left: Array
-    """Of the residual, (N,)"""
+    """What is left of the residual, (N,)"""
     cost: float
-    """Its weighted squares, and the priors of what the parameters had to do [1]"""
+    """Weighted squares of what is left, and the prior cost of the parameters' steps [1]"""
 
 
 class Imitation(Objective):

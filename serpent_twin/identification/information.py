@@ -36,9 +36,9 @@ class Information:
 
     @classmethod
     def of(cls, case: Case[Any], fit: Fit) -> "Information":
-        """That of a fit: its declared parameters have priors, those of its effects the width of their ranges,
-        without a mean, as in the fit: a strength at its limit changes nothing of the residual. What the
-        fit took as far as it may go is held there.
+        """Information of a fit. Declared parameters have their priors, parameters of effects the width of
+        their ranges without a mean, as in the fit: a strength at its limit changes nothing of the residual.
+        Parameters at a bound are held there.
         """
         declared, effects = list(fit.free.declared), len(fit.free.effects)
         held = at_its_end(case, fit.point, fit.free)
@@ -50,7 +50,7 @@ class Information:
         )
 
     def without(self, k: int) -> "Information":
-        """The same with parameter number k held."""
+        """The information with parameter number k held."""
         kept = np.arange(len(self.prior)) != k
         return replace(self, slopes=self.slopes[kept], prior=self.prior[kept], lean=self.lean[kept])
 

@@ -14,7 +14,7 @@ from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import ParameterVector
 
 FILE = "fit.npz"
-"""In the folder of a trace"""
+"""File of the kept fit in the folder of a trace"""
 _LARGE = ("correlation", "slope", "residual")
 """Arrays of a fit that are computed again when they are needed, or not needed"""
 _ADVICE = "Give the --out folder of a finished python -m serpent_twin.trace."

@@ -13,7 +13,7 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.places import in_one_sensor
 
 _ALIKE = 0.95
-"""Of what the best composed law removes, what a simpler one must to be fitted before it"""
+"""A simpler law is fitted first if it removes at least this fraction of what the best law removes"""
 _BESIDE = 0.02
 """Share of its squares that a law may show in other sensors: segments start from measured poses, which a
 marker that is shifted changes a little
@@ -21,7 +21,9 @@ marker that is shifted changes a little
 _SAME = 0.999
 """Cosine of two changes from which they are one"""
 _OTHER = 0.6
-"""Of what the best composed law removes, what the best of those that change something else must"""
+"""The best law that changes something else is fitted, too, if it removes at least this fraction of what the
+best law removes
+"""
 
 
 def laws_to_fit(

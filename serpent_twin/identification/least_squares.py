@@ -148,7 +148,7 @@ def telling(squares: Array, chosen: Sequence[int]) -> tuple[int, ...]:
 
 
 def spread(segments: int, most: int, used: Sequence[int] = ()) -> tuple[int, ...]:
-    """Which segments a fit uses: the middles of so many equal parts; beside those `used` already, the ones
+    """Segments that a fit uses: the middles of so many equal parts; beside those `used` already, the ones
     that lie farthest from all others.
     """
     n = min(segments, most)

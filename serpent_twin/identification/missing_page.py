@@ -8,9 +8,9 @@ from serpent_twin.effects.law_causes import look_for
 from serpent_twin.identification import tables
 from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.identification.law_figure import composed_law
-from serpent_twin.identification.wording import capital, spaced
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.numerals import listed
+from serpent_twin.numerals import capital, listed
 from serpent_twin.reporting.report import Section
 
 _FEWEST = 5

@@ -30,7 +30,7 @@ class Moved:
     """A declared parameter that is not what was built."""
 
     coordinate: str
-    """Its name in the fit"""
+    """Name of the parameter in the fit"""
     name: str
     """What it stands for, such as `winch radius, motor 3`"""
     value: float

@@ -21,7 +21,7 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _SINGLE = 1e-5
-"""Of a normal matrix of derivatives in single precision, what may be rounding"""
+"""Relative rounding of a normal matrix of derivatives in single precision"""
 _DAMPINGS = (0.3, 3.0)
 """Levenberg's, tried where the step without is no improvement; from then on beside it"""
 _SHORTER = (0.5, 0.2)
@@ -110,7 +110,7 @@ class Objective:
         return self._anchored(point, residual), jacobian
 
     def exact(self, at: At) -> At:
-        """The same parameter vector as the usual time steps have it."""
+        """A parameter vector with the residual that the usual time steps give."""
         if self._timestep is None or at is self._anchor:
             return at
         residual = self.case.residual([at.point], self.some)[0]
@@ -119,7 +119,9 @@ class Objective:
     def carry(
         self, start: ParameterVector, carried: Fit, used: tuple[int, ...]
     ) -> tuple[At, Array]:
-        """The same with the derivative of a fit to other weights, for the segments that it has."""
+        """A parameter vector with the derivative of a fit to other weights, for the segments that this fit
+        has.
+        """
         residual = self.case.residual([start], self.some)[0]
         self.variance_inflation = variance_inflation(residual, self.case.channels)
         shape = (len(self.free), *residual.shape)

@@ -9,9 +9,9 @@ from serpent_twin.identification.check_page import effects_section
 from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.identification.first_picture import first_section
 from serpent_twin.identification.missing_page import missing_section
-from serpent_twin.identification.wording import capital, spaced, with_numbers
+from serpent_twin.identification.wording import spaced, with_numbers
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.numerals import counted, listed
+from serpent_twin.numerals import capital, counted, listed
 from serpent_twin.reporting.report import Figure, Report, Section, Table
 from serpent_twin.residual import LOADS, describe
 from serpent_twin.residual import figures as residual_figures

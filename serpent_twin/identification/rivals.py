@@ -32,11 +32,13 @@ class Rival:
 
     name: str
     cosine: float
-    """Of what both change of the residual, beyond the free parameters [1]"""
+    """Cosine between what both change of the residual beyond the free parameters [1]"""
     gap: float | None
-    """By how much the accepted one's held-out error is less, in the measure's unit; None if not fitted"""
+    """Held-out error of the rival less that of the accepted effect, in the measure's unit; None if not
+    fitted
+    """
     probability: float | None
-    """That it is not less [1]"""
+    """Probability that it is not less [1]"""
     hardly: bool = False
     """Whether both are composed laws, and the accepted one's held-out error is less by next to nothing"""
 
@@ -62,15 +64,15 @@ class Pair:
 
     names: tuple[str, str]
     share: float
-    """Of the residual's squares [1]"""
+    """Share of the residual's squares [1]"""
     alone: float
     """What the better of the two removes alone [1]"""
     size: tuple[float, float]
-    """Of each effect's change, with its sign [1]"""
+    """Size of each effect's change, with its sign [1]"""
 
 
 def cosine(one: Score, other: Score) -> float:
-    """Of what two effects change of the residual beyond the free parameters, without its sign."""
+    """Absolute cosine between what two effects change of the residual beyond the free parameters."""
     return along_one_line(one.beyond, other.beyond)
 
 

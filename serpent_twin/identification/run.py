@@ -28,7 +28,7 @@ from serpent_twin.identification.summary import summary
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.rig import Log, is_named, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.report import write
+from serpent_twin.reporting.report import versions_text, write
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
@@ -247,7 +247,7 @@ def _write(
         "logs": listed(config.logs),
         "seed": str(config.seed),
         "commit": str(origin["git_commit"]),
-        "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
+        "versions": versions_text(origin),
     }
     if notes := settings.get("reading_notes"):
         facts["read"] = " ".join(notes)

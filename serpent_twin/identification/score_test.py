@@ -24,12 +24,16 @@ WORTH_A_FIT, BESIDE_OTHERS = 0.015, 0.03
 left little. A full fit removes a few times as much, where calibration has absorbed an effect or its law
 bends; acceptance asks for about 0.08."""
 _BESIDE_THE_BEST = 0.1
-"""And of what the best candidate removes"""
+"""A candidate is fitted only if it removes at least this fraction of what the best candidate removes"""
 _LIKE_THE_BEST, _AT_LEAST = 0.03, 0.005
-"""Of what the best candidate removes, for those that it can be confused with; and of the residual's squares:
-what removes less would not be accepted in its place either"""
+"""A candidate that can be confused with the best is fitted if it removes at least the first fraction of
+what the best removes, and the second of the residual's squares: what removes less would not be accepted in
+its place
+"""
 _AT_ONE_PLACE = 0.8
-"""Of what another candidate removes that it can be confused with, at the same place"""
+"""A candidate is fitted if it removes at least this fraction of what a candidate at the same place removes
+with which it can be confused
+"""
 _SHOWS = 0.003
 """Share of the residual's squares from which a candidate's places are tried: one cable of ten shows by about
 a tenth in what all change"""
@@ -47,17 +51,17 @@ class Score:
 
     name: str
     share: float
-    """Of the residual's squares that free parameters leave to first order [1]"""
+    """Share of the residual's squares that free parameters leave to first order [1]"""
     excitation: float
     """How much its typical strength changes the residual, as a share of the residual's rms [1]"""
     start: Array
-    """Its parameters where a full fit should begin"""
+    """Parameters of the effect at which a full fit should begin"""
     unstable: bool = False
     """Whether no strength of it could be simulated"""
     change: Array = field(default_factory=lambda: np.zeros(0, np.float32))
     """What its best variant changes of the residual, (N,); 0 where none could be simulated"""
     beyond: Array = field(default_factory=lambda: np.zeros(0, np.float32))
-    """The same beyond the free parameters of the base, (N,)"""
+    """The change beyond the free parameters of the base, (N,)"""
     tried: Array = field(default_factory=lambda: np.zeros(0))
     """The parameters of that variant"""
 
@@ -185,7 +189,7 @@ def _columns(candidate: Candidate) -> list[Array]:
 
 
 def strengths(candidate: Candidate) -> list[int]:
-    """Which of its parameters are its strength."""
+    """Indices of a candidate's parameters that are its strength."""
     return [list(candidate.ranges).index(name) for name in effects.strengths(candidate.ranges)]
 
 

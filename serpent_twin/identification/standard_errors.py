@@ -82,8 +82,8 @@ def idealised(residual: Array) -> float:
 
 
 def stated(case: Case[Any], found: Fit) -> Fit:
-    """The same fit with the standard errors that its intervals are stated with, in which more segments do not
-    help against what the twin lacks in all of them.
+    """The fit with the standard errors that its stated intervals have, in which more segments do not help
+    against what the twin lacks in all of them.
     """
     prior = prior_information(case, found.free)
     about = (found.jacobian, found.residual, found.variance_inflation, prior)
@@ -101,7 +101,7 @@ def _left_out(root: Array, part: Array, pull: Array) -> Array:
 
 
 def _inverse(square: Array) -> Array:
-    """Of an information matrix, whose units may differ much."""
+    """Inverse of an information matrix whose units may differ by orders of magnitude."""
     width = np.sqrt(np.diag(square))
     return np.linalg.inv(square / np.outer(width, width)) / np.outer(width, width)
 

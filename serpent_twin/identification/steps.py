@@ -251,7 +251,9 @@ class Tracer:
         return identifiability(self.case, self.training, opening, found)
 
     def exact_limits(self) -> Identifiability:
-        """The same with detection limits by a fit for each, for a verdict that quotes them."""
+        """What the logs can tell, with detection limits by a fit for each effect, for a verdict that quotes
+        them.
+        """
         case, opening, found = self._at_opening
 
         def limits(name: str, make: Callable[[], Array]) -> Array:

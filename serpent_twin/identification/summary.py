@@ -7,16 +7,19 @@ import numpy as np
 
 from serpent_twin.effects.law import parse
 from serpent_twin.effects.law_causes import look_for
-from serpent_twin.identification.diagnosis import Diagnosis, Named
+from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.estimates import Calibrated
-from serpent_twin.identification.wording import capital, spaced, with_numbers
+from serpent_twin.identification.figures import stages
+from serpent_twin.identification.tables import parameters
+from serpent_twin.identification.wording import placed, spaced, with_numbers
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.numerals import listed
-from serpent_twin.reporting.report import Table, text_table
+from serpent_twin.numerals import capital, listed
+from serpent_twin.reporting.report import text_table
 from serpent_twin.residual.noise import in_words
 
 _WIDTH = 96
-_STAGES = ("nominal", "calibrated", "corrected")
+_SHOWN = ("effect", "number", "value", "95 % interval", "unit", "chance")
+"""Columns of the report's table of numbers that the screen has"""
 _CLEARLY, _NUMBERS = 0.15, 4
 """Least logarithm of a ratio to the model's number that is told, and most numbers"""
 _LISTED = 6
@@ -29,7 +32,7 @@ def summary(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> str:
     """
     parts = (
         _title(diagnosis),
-        _found(diagnosis),
+        _table(diagnosis),
         _errors(diagnosis),
         _numbers(diagnosis),
         "\n".join(_marked(_checks(diagnosis, known))),
@@ -50,34 +53,12 @@ def _title(diagnosis: Diagnosis) -> str:
     return f"{diagnosis.arm}: nothing {'is' if sure else 'was found'} missing{but}."
 
 
-def _found(diagnosis: Diagnosis) -> str:
+def _table(diagnosis: Diagnosis) -> str:
     """Each effect with its numbers, their 95 % intervals and how probable it is that they are chance."""
-    rows = [row for each in diagnosis.effects for row in _rows(each)]
-    if not rows:
+    if not diagnosis.effects:
         return ""
-    header = ("effect", "number", "value", "95 % interval", "unit", "chance")
-    return textwrap.indent(text_table(Table(header, tuple(rows))), "  ")
-
-
-def _rows(effect: Named) -> Iterator[tuple[str, ...]]:
-    chance = effect.probability_of_chance
-    said = f"{chance:.0e}" if chance >= 1e-6 else "< 1e-6"
-    name = capital(_at(effect.name))
-    if len(name) > _WIDTH // 2:
-        name = textwrap.shorten(name, _WIDTH // 2, placeholder=" …")
-    for key, each in effect.parameters.items():
-        ends = f"{each.low:.3g} … {each.high:.3g}" if each.fitted else "given"
-        value = f"{each.value:.3g}" if each.determined else "not determined"
-        if each.unit.startswith("1/") and each.determined and each.value:
-            value += f" = 1/{1 / each.value:.3g}"
-        unit = "" if each.unit == "1" else each.unit
-        yield (name, key.replace("_", " "), value, ends, unit, said)
-        name = said = ""
-
-
-def _at(name: str) -> str:
-    """An effect's name and its place in words."""
-    return spaced(name).replace("@", " at ")
+    table = parameters(diagnosis.effects).only(*_SHOWN)
+    return textwrap.indent(text_table(table, _WIDTH // 2), "  ")
 
 
 def _errors(diagnosis: Diagnosis) -> str:
@@ -85,8 +66,7 @@ def _errors(diagnosis: Diagnosis) -> str:
     error, measure = diagnosis.error, diagnosis.marker
     if not np.isfinite(error.get("nominal", np.nan)):
         error, measure = diagnosis.load_error, diagnosis.load
-    stages = _STAGES if diagnosis.effects or diagnosis.stand_ins else _STAGES[:2]
-    told = [f"{error[each]:.3g} {measure.unit} {each}" for each in stages]
+    told = [f"{error[each]:.3g} {measure.unit} {each}" for each in stages(diagnosis)]
     noise = in_words(error["noise_floor"], measure.unit)
     held = ", ".join(diagnosis.held_out)
     return textwrap.fill(
@@ -103,7 +83,7 @@ def _numbers(diagnosis: Diagnosis) -> str:
 
 
 def _off(diagnosis: Diagnosis) -> list[str]:
-    """These numbers in words."""
+    """The model's numbers that the logs make clearly different, in words."""
     off: dict[str, float] = {}
     for each in diagnosis.calibration.values():
         value, was = each.value, each.nominal
@@ -125,11 +105,11 @@ def _checks(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Iterator[st
         if one and one.composed:
             yield f"Look for {look_for(parse(one.at))}: {with_numbers(each.name, each.parameters)}."
         elif one:
-            yield f"{capital(_at(each.name))}: {one.shows_in}."
+            yield f"{capital(placed(each.name))}: {one.shows_in}."
         if alike := [
             spaced(r.name) for r in diagnosis.rivals.get(each.name, ()) if not r.told_apart
         ]:
-            yield f"These logs do not tell {_at(each.name)} from {' or '.join(alike)}."
+            yield f"These logs do not tell {placed(each.name)} from {' or '.join(alike)}."
     if diagnosis.not_as_built:
         yield diagnosis.not_as_built
     if diagnosis.stand_ins:
@@ -153,7 +133,7 @@ def _open(diagnosis: Diagnosis) -> Iterator[str]:
     told = diagnosis.identifiability
     if told is None:
         return
-    if lost := [_at(each.name) for each in told.effects if not np.isfinite(each.limit)]:
+    if lost := [placed(each.name) for each in told.effects if not np.isfinite(each.limit)]:
         yield f"These logs would not show at any strength: {_some(lost)}."
     if told.not_sought:
         yield told.not_sought[0]

@@ -1,7 +1,8 @@
 """Lay out the tables of a diagnosis."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from serpent_twin.identification.diagnosis import (
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.figures import ranked, stages
 from serpent_twin.identification.fitted import NORMAL_95
-from serpent_twin.identification.wording import spaced
-from serpent_twin.numerals import counted
+from serpent_twin.identification.wording import placed, spaced
+from serpent_twin.numerals import capital, counted
 from serpent_twin.reporting.report import Table
 from serpent_twin.residual.noise import UNKNOWN
 
@@ -61,116 +62,134 @@ def _cell(name: str, error: Mapping[str, float]) -> str:
 
 def candidates(tried: Sequence[Tried], unit: str = "mm") -> Table:
     """Every candidate, the best first, the accepted ones marked."""
-    order = ranked(tried)
-    rows = tuple((spaced(t.name), _fixed(t.error), t.verdict, t.why) for t in order)
-    marked = frozenset(n for n, each in enumerate(order) if each.verdict == ACCEPTED)
+    columns = {
+        "candidate": lambda each: spaced(each.name),
+        f"error [{unit}]": lambda each: _fixed(each.error),
+        "verdict": lambda each: each.verdict,
+        "why": lambda each: each.why,
+    }
     note = (
         "Held-out error with the candidate; where it was not fitted fully, that of the twin "
         "without it."
     )
-    return Table(("candidate", f"error [{unit}]", "verdict", "why"), rows, note, marked)
+    return Table.of(ranked(tried), columns, note, lambda each: each.verdict == ACCEPTED)
 
 
 def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of stall") -> Table:
-    """Every number of the effects that were missing, with its interval."""
-    loads = any(np.isfinite(each.gain_load) for each in effects)
-    gain = (f"gain [{unit}]", f"gain [{load}]") if loads else (f"gain [{unit}]",)
-    header = ("effect", "parameter", "value", "95 % interval", "unit", *gain)
-    rows = []
-    for effect in effects:
-        gains = (_fixed(effect.gain), _fixed(effect.gain_load))[: len(gain)]
-        told = (spaced(effect.name), *gains, _short(effect.probability_of_chance))
-        for name, e in effect.parameters.items():
-            value = _short(e.value) if e.determined else "not determined"
-            rows.append((told[0], name, value, interval(e), e.unit, *told[1:]))
-            told = ("",) * len(told)  # once for each effect
+    """Every number of the effects that were missing, with its interval; what is of an effect stands in the
+    row of its first number.
+    """
+    rows = [
+        (None if n else effect, name, estimate)
+        for effect in effects
+        for n, (name, estimate) in enumerate(effect.parameters.items())
+    ]
+
+    def once(told: Callable[[Named], str]) -> Callable[[Any], str]:
+        return lambda row: told(row[0]) if row[0] else ""
+
+    columns: dict[str, Any] = {
+        "effect": once(lambda effect: capital(placed(effect.name))),
+        "number": lambda row: row[1].replace("_", " "),
+        "value": lambda row: _value(row[2]),
+        "95 % interval": lambda row: interval(row[2]) or "given",
+        "unit": lambda row: "" if row[2].unit == "1" else row[2].unit,
+        f"gain [{unit}]": once(lambda effect: _fixed(effect.gain)),
+    }
+    if any(np.isfinite(each.gain_load) for each in effects):
+        columns[f"gain [{load}]"] = once(lambda effect: _fixed(effect.gain_load))
+    columns["chance"] = once(lambda effect: _chance(effect.probability_of_chance))
     note = (
         "The gain is on held-out sessions. Chance is the probability of no gain at all: of the training "
         "sessions, each predicted by a fit to the others, and of the held-out ones together; of a law that "
         "happens once, of training segments, if the held-out sessions do not suffice."
     )
-    return Table((*header, "chance"), tuple(rows), note)
+    return Table.of(rows, columns, note)
+
+
+def _value(e: ParameterEstimate) -> str:
+    """A value, of an inverse quantity also its inverse."""
+    if not e.determined:
+        return "not determined"
+    inverse = f" = 1/{_short(1 / e.value)}" if e.unit.startswith("1/") and e.value else ""
+    return f"{_short(e.value)}{inverse}"
+
+
+def _chance(probability: float) -> str:
+    return f"{probability:.0e}" if probability >= 1e-6 else "< 1e-6"
 
 
 def bars(diagnosis: Diagnosis) -> Table:
     """How large an error may be before it is unexplained."""
-    of, unit = diagnosis.bars, diagnosis.marker.unit
-    rows = (
-        ("noise of the measurement alone", _fixed(of.camera_noise)),
-        ("a twin that lacks nothing", _fixed(of.complete_twin)),
-        ("what changes from row to row like noise", _fixed(of.jitter)),
-        *([("the twin before the change", _fixed(of.before_change))] if of.before_change else []),
-        *([("what its effects may neglect", _fixed(of.neglected))] if of.neglected else []),
-        ("the bar", _fixed(of.bar)),
-    )
+    of = diagnosis.bars
+    rows = {
+        "noise of the measurement alone": of.camera_noise,
+        "a twin that lacks nothing": of.complete_twin,
+        "what changes from row to row like noise": of.jitter,
+    }
+    rows |= {"the twin before the change": of.before_change} if of.before_change else {}
+    rows |= {"what its effects may neglect": of.neglected} if of.neglected else {}
+    rows["the bar"] = of.bar
     note = (
         "An error is unexplained above twice the bar, or above 1.25 times if it depends on something. The "
         "bar is the error of a twin that lacks nothing; what changes from row to row may raise it as far as "
         "no pose of the machine explains it."
     )
-    return Table(("error", unit), rows, note, frozenset({len(rows) - 1}))
+    columns = {"error": str, diagnosis.marker.unit: lambda name: _fixed(rows[name])}
+    return Table.of(rows, columns, note, lambda name: name == "the bar")
 
 
 def rivals(diagnosis: Diagnosis) -> Table:
     """What looks like the effects that were found, and whether the logs tell them apart."""
-    rows = [
-        (
-            spaced(name),
-            spaced(each.name),
-            f"{each.cosine:.2f}",
-            _fixed(each.gap),
-            "" if each.probability is None else _short(each.probability),
-            "yes" if each.told_apart else "no",
-        )
-        for name, several in diagnosis.rivals.items()
-        for each in several
-    ]
-    header = ("effect", "rival", "cosine", f"gap [{diagnosis.marker.unit}]", "chance", "told apart")
+    rows = [(name, each) for name, several in diagnosis.rivals.items() for each in several]
+    columns = {
+        "effect": lambda row: spaced(row[0]),
+        "rival": lambda row: spaced(row[1].name),
+        "cosine": lambda row: f"{row[1].cosine:.2f}",
+        f"gap [{diagnosis.marker.unit}]": lambda row: _fixed(row[1].gap),
+        "chance": lambda row: "" if row[1].probability is None else _short(row[1].probability),
+        "told apart": lambda row: "yes" if row[1].told_apart else "no",
+    }
     note = (
         "The cosine is between what both change of the residual beyond what calibration can take up: 1 is "
         "the same. The gap is by how much the rival, fitted in the effect's place, is worse on held-out "
         "sessions; chance is the probability that it is not worse. No gap: the rival was not fitted."
     )
-    return Table(header, tuple(rows), note)
+    return Table.of(rows, columns, note)
 
 
 def pairs(diagnosis: Diagnosis) -> Table:
     """The pairs of candidates that were tried together."""
-    rows = [
-        (
-            " and ".join(map(spaced, each.pair.names)),
-            f"{100 * each.pair.share:.1f}",
-            f"{100 * each.pair.alone:.1f}",
-            each.why_not or "accepted",
-        )
-        for each in diagnosis.pairs
-    ]
+    columns = {
+        "pair": lambda each: " and ".join(map(spaced, each.pair.names)),
+        "together [%]": lambda each: f"{100 * each.pair.share:.1f}",
+        "alone [%]": lambda each: f"{100 * each.pair.alone:.1f}",
+        "verdict": lambda each: each.why_not or "accepted",
+    }
     note = (
         "Shares of the residual's squares that the two remove to first order, together and the better of "
         "them alone. Pairs are tried where no candidate is accepted alone."
     )
-    return Table(("pair", "together [%]", "alone [%]", "verdict"), tuple(rows), note)
+    return Table.of(diagnosis.pairs, columns, note)
 
 
 def moved(diagnosis: Diagnosis) -> Table:
     """The declared parameters that are not what was built."""
-    rows = [
-        (
-            each.name,
-            _short(each.expected),
-            _short(each.value),
-            each.unit,
-            f"{each.widths:.1f}".replace("-", "−"),
-            ", ".join(f"{spaced(n)} ({c:.2f})" for n, c in each.stands_for.items()),
-        )
-        for each in diagnosis.moved
-    ]
-    header = ("parameter", "expected", "value", "unit", "tolerances", "effects that look like it")
+    columns = {
+        "parameter": lambda each: each.name,
+        "expected": lambda each: _short(each.expected),
+        "value": lambda each: _short(each.value),
+        "unit": lambda each: each.unit,
+        "tolerances": lambda each: f"{each.widths:.1f}".replace("-", "−"),
+        "effects that look like it": lambda each: ", ".join(
+            f"{spaced(name)} ({cosine:.2f})" for name, cosine in each.stands_for.items()
+        ),
+    }
     note = (
         "Expected is what was declared, or the median of the parts that are built alike. In brackets, the "
         "cosine between what the parameter and the effect change of the residual."
     )
-    return Table(header, tuple(rows), note)
+    return Table.of(diagnosis.moved, columns, note)
 
 
 def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> Table:
@@ -185,35 +204,34 @@ def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> 
         for name, c in found.items()
     }
     names = sorted(found, key=lambda name: -far[name])[:MOST_ROWS]
-    declared = any(isfinite(found[name].nominal) for name in names)
-    rows = tuple((*_course(found[name], declared), f"{far[name]:.1f}") for name in names)
-    widths = "widths of the prior" if told else "standard errors"
-    nominal = ("nominal",) if declared else ()
-    header = (
-        "parameter",
-        *nominal,
-        "start",
-        "value",
-        "95 % interval",
-        "unit",
-        f"moved, in {widths}",
-    )
+    columns: dict[str, Any] = {"parameter": lambda name: found[name].name}
+    if any(isfinite(found[name].nominal) for name in names):
+        columns["nominal"] = lambda name: _number(found[name], found[name].nominal)
+    columns |= {
+        "start": lambda name: _number(found[name], found[name].start),
+        "value": lambda name: _number(found[name], found[name].value.value),
+        "95 % interval": lambda name: _ends(found[name]),
+        "unit": lambda name: "" if found[name].value.unit == "1" else found[name].value.unit,
+        f"moved, in {'widths of the prior' if told else 'standard errors'}": lambda name: (
+            f"{far[name]:.1f}"
+        ),
+    }
     note = (
-        f"The {len(rows)} of {counted(len(found), 'parameter')} that moved most from their start, "
+        f"The {len(names)} of {counted(len(found), 'parameter')} that moved most from their start, "
         f"a first guess out of "
         "the training sessions or, where these give none, the declared number."
     )
-    return Table(header, rows, note)
+    return Table.of(names, columns, note)
 
 
-def _course(of: Calibrated, declared: bool) -> tuple[str, ...]:
-    """Name, nominal value if requested, start, value, interval and unit."""
-    value, digits = of.value, _decimals(of.value)
-    before = (of.nominal, of.start) if declared else (of.start,)
-    numbers = [f"{v:.{digits}f}" if isfinite(v) else "" for v in (*before, value.value)]
-    ends = f"{value.low:.{digits}f} … {value.high:.{digits}f}" if value.fitted else ""
-    unit = "" if value.unit == "1" else value.unit
-    return (of.name, *(text.replace("-", "−") for text in (*numbers, ends)), unit)
+def _number(of: Calibrated, number: float) -> str:
+    """A number with the decimals of a calibrated value; empty where it is unknown."""
+    return f"{number:.{_decimals(of.value)}f}".replace("-", "−") if isfinite(number) else ""
+
+
+def _ends(of: Calibrated) -> str:
+    ends = (_number(of, each) for each in (of.value.low, of.value.high))
+    return " … ".join(ends) if of.value.fitted else ""
 
 
 def _decimals(e: ParameterEstimate) -> int:

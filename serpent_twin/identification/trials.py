@@ -328,7 +328,7 @@ class Trials:
     def placed(
         self, stage: str, case: Case[Any], base: Fit, found: Mapping[str, Score]
     ) -> dict[str, Score]:
-        """The same with the best place of those candidates that show and may be at many."""
+        """The scores with the best place of each candidate that shows and may be at several places."""
 
         def test() -> list[Score]:
             self.on_progress("screening places")

@@ -24,7 +24,7 @@ class Unexplained:
     share: float
     """Share of the corrected twin's squared error beyond that of a twin that lacks nothing [1]"""
     depends_on: str
-    """In words: on what it depends, and where to look"""
+    """What the error depends on and where to look, in words"""
 
 
 def unexplained(

@@ -28,7 +28,7 @@ class NamedParameter:
     name: str
     """Such as `strand stiffness 3+`"""
     unit: str
-    """Of its standard deviation; `%` of its value where the fit has its logarithm"""
+    """Unit of its standard deviation; `%` of its value where the fit has its logarithm"""
 
 
 @dataclass(frozen=True)
@@ -36,19 +36,19 @@ class WeakDirection:
     """A combination of parameters, by what its prior allows and what the logs leave of that."""
 
     parameters: str
-    """In words, such as `strand stiffness 1–9+ up and strand slack 1–9+ down`"""
+    """The combination in words, such as `strand stiffness 1–9+ up and strand slack 1–9+ down`"""
     leading: str
     """Name of the parameter with the largest loading"""
     unit: str
-    """Of the two numbers below"""
+    """Unit of the two numbers below"""
     prior: float
     """Standard deviation of the leading parameter along this direction"""
     posterior: float
-    """The same after the logs"""
+    """Standard deviation after the logs"""
 
     @property
     def ratio(self) -> float:
-        """Of posterior and prior [1]."""
+        """Ratio of posterior to prior [1]."""
         return self.posterior / self.prior
 
     def __str__(self) -> str:

@@ -29,7 +29,7 @@ _MOST = 10
 _CHANGE = 3.0
 """Standard deviations by which a difference changes the residual"""
 _SHARE = 0.2
-"""Of its value, by which an effect's parameter is scaled"""
+"""Fraction of its value by which an effect's parameter is scaled"""
 _LEAST = 0.03
 """Share of a way that is long enough for a difference: bounds may leave none of it, or none across others"""
 _STEPS = (1.0, 0.5, 0.2)

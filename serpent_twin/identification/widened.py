@@ -41,11 +41,11 @@ class FarOff:
     """A calibration in which one number may be far off."""
 
     case: Case[Any]
-    """With that number's prior widened, and the weights of this calibration"""
+    """The case with that number's prior widened, and the weights of this calibration"""
     trial: CandidateTrial
     """Judged against the calibration without it"""
     saves: float
-    """By how much squares and priors are less than without it, by its own weights"""
+    """Reduction of squares and priors against the calibration without it, by its own weights"""
 
     @property
     def fit(self) -> Fit:
@@ -174,7 +174,9 @@ def _cost_of(trials: Trials, case: Case[Any], opening: Fit, done: Round) -> floa
 
 
 def _saves(usual: Case[Any], trials: Trials, base: Fit, case: Case[Any], fitted: Fit) -> float:
-    """As `FarOff` has it: the less of the two residuals says how correlated and how large noise is."""
+    """Reduction of squares and priors, see `FarOff`: the smaller of the two residuals determines the noise
+    and its correlation.
+    """
     some = case.take(trials.training, fitted.used)
     case = case.weighed_by(fitted.residual, some)
     cost, inflation = [], 1.0

@@ -22,6 +22,11 @@ def spaced(name: str) -> str:
     return with_numbers(name, {}) if law_of(name) == DISCOVERED else name.replace("_", " ")
 
 
+def placed(name: str) -> str:
+    """An effect's name and its place in words."""
+    return spaced(name).replace("@", " at ")
+
+
 def full_name(effect: Mapping[str, Any]) -> str:
     """The name that holds the place or law of an effect of diagnosis.json, as some names do already."""
     if "place" not in effect or place_of(effect["name"]):
@@ -32,11 +37,6 @@ def full_name(effect: Mapping[str, Any]) -> str:
         law = effect["law"], reading.replace(" ", "_"), where or "session"
         place = str(Law(effect["changes"], place, *law))
     return f"{effect['name']}@{place}"
-
-
-def capital(text: str) -> str:
-    """A text with a capital first letter."""
-    return text[:1].upper() + text[1:]
 
 
 def with_numbers(name: str, parameters: Mapping[str, ParameterEstimate]) -> str:

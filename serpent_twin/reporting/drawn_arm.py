@@ -18,12 +18,12 @@ from serpent_twin.reporting.marker_looks import Colour
 from serpent_twin.reporting.offscreen import Ball, Canvas, Image, Rod, canvas
 
 SIZE = (720, 720)
-"""Of the rendered scene [px], an even number each, as video codecs need"""
+"""Size of the rendered scene [px]; both even, as video codecs need"""
 _LINE, _MARGIN = 24, 10
-"""Of a line of text, and left of it [px]"""
+"""Height of a line of text, and the margin to its left [px]"""
 _INK, _PAPER = (35, 40, 45), (255, 255, 255)
 _RADIUS, _THIN = 0.006, 0.0016
-"""Of a marker, and of the line through an arm's markers [m]"""
+"""Radius of a marker, and of the line through an arm's markers [m]"""
 _OPACITY = 0.85
 _LOOK_AT, _DISTANCE, _AZIMUTH, _ELEVATION = (0.0, 0.0, -0.19), 0.80, 207.0, -6.0
 """The camera: a point in the world [m], the way to it [m], and its direction [deg]"""
@@ -52,7 +52,7 @@ class Markers:
     colour: Colour
     """0 … 255"""
     place: Array
-    """In the base frame [m], (9, 3), NaN where one was lost"""
+    """Marker positions in the base frame [m], (9, 3), NaN where one was lost"""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Pencil:
     canvas: Canvas
     model: Any
     fine: bool
-    """With shadows, and each pixel the mean of four"""
+    """Whether to draw shadows, and each pixel as the mean of four"""
 
     def picture(self, title: str, pose: DrawnPose, markers: Sequence[Markers]) -> Image:
         """Picture of a pose with markers, a title and a legend above, (height, width, 3)."""

@@ -33,7 +33,7 @@ class Ball:
     """A sphere that is added to a scene."""
 
     place: NDArray[np.float64]
-    """In the world [m], (3,)"""
+    """Position in the world frame [m], (3,)"""
     radius: float
     """[m]"""
     colour: tuple[float, float, float, float]
@@ -45,7 +45,7 @@ class Rod:
     """A thin line between two points that is added to a scene."""
 
     ends: NDArray[np.float64]
-    """In the world [m], (2, 3)"""
+    """End points in the world frame [m], (2, 3)"""
     radius: float
     """[m]"""
     colour: tuple[float, float, float, float]

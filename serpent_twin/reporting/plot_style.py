@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from serpent_twin.arrays import Array
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure as Drawing
 
 COLOURS = ("#a3a7ad", "#3d7ea6", "#d1603d", "#588157", "#7d5ba6", "#c9a227")
-"""Of a few things that all figures show, such as the stages of a trace"""
+"""Colours of what all figures show, such as the stages of a trace"""
 INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
 """Text and marks; axes and remarks; grids and bands"""
 COLD = ("#a790d5", "#6bc7b8", "#385794", "#171782", "#1a1a1a")
@@ -64,6 +66,15 @@ def finish(drawing: "Drawing", axes: "Axes", legend: bool = True) -> None:
     label_logarithmic(axes)
     if legend:
         drawing.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False)
+
+
+def smooth(values: Array, width: int) -> Array:
+    """Mean over a centred window of `width` steps, NaN left out; shorter at the ends."""
+    known = np.isfinite(values)
+    kernel = np.ones(min(width, len(values)))
+    count = np.convolve(known, kernel, "same")
+    total = np.convolve(np.where(known, values, 0.0), kernel, "same")
+    return np.divide(total, count, out=np.full(len(values), np.nan), where=count > 0)
 
 
 def label_logarithmic(axes: "Axes") -> None:

@@ -3,8 +3,9 @@
 import base64
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
@@ -29,18 +30,34 @@ class Table:
 
     @classmethod
     def of(
-        cls, rows: Iterable[Any], columns: Mapping[str, str | Callable[[Any], str]], note: str = ""
+        cls,
+        rows: Iterable[Any],
+        columns: Mapping[str, str | Callable[[Any], str]],
+        note: str = "",
+        marked: Callable[[Any], bool] = lambda row: False,
     ) -> Self:
         """A table of one line a row; each header has a function of the row, or a format of its keys."""
-        several = [
+        several = list(rows)
+        lines = tuple(
             tuple(of.format_map(row) if isinstance(of, str) else of(row) for of in columns.values())
-            for row in rows
-        ]
-        return cls(tuple(columns), tuple(several), note)
+            for row in several
+        )
+        return cls(
+            tuple(columns),
+            lines,
+            note,
+            frozenset(n for n, row in enumerate(several) if marked(row)),
+        )
+
+    def only(self, *header: str) -> Self:
+        """The table with some of its columns."""
+        which = [self.header.index(name) for name in header]
+        rows = tuple(tuple(row[n] for n in which) for row in self.rows)
+        return replace(self, header=header, rows=rows)
 
     @property
     def numeric(self) -> tuple[bool, ...]:
-        """Which columns hold numbers."""
+        """Whether each column holds numbers."""
         columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.header)
         return tuple(all(_is_number(cell) for cell in column) for column in columns)
 
@@ -119,9 +136,10 @@ def _images(report: Report) -> dict[str, bytes]:
     }
 
 
-def text_table(table: Table) -> str:
-    """The table as plain text for the screen."""
-    lines = [table.header, *table.rows]
+def text_table(table: Table, widest: int = 1000) -> str:
+    """The table as plain text for the screen, with cells of so many characters at most."""
+    lines = [[shorten(cell, widest, placeholder=" …") if len(cell) > widest else cell for cell in row]
+             for row in (table.header, *table.rows)]  # fmt: skip
     width = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
         "  ".join(
@@ -133,7 +151,12 @@ def text_table(table: Table) -> str:
 
 
 def _is_number(cell: str) -> bool:
-    return not cell or cell[0] in "0123456789−-+–<>±" or cell.lower() in ("nan", "none")
+    return not cell or cell[0] in "0123456789−-+–<>±" or cell.lower() in ("nan", "none", "given")
+
+
+def versions_text(origin: Mapping[str, Any]) -> str:
+    """The versions in a result's provenance, as text."""
+    return ", ".join(f"{name} {number}" for name, number in origin["versions"].items())
 
 
 def as_png(drawing: "Drawing") -> bytes:

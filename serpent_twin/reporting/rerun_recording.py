@@ -42,7 +42,7 @@ class Overlay:
     """A twin that is drawn over the measured arm."""
 
     name: str
-    """Of its entities"""
+    """Name of its entities"""
     look: str
     """Its colour in words"""
     colour: Colour
@@ -147,11 +147,11 @@ class Writer:
     recording: rr.RecordingStream
     """What is written to"""
     time: Array
-    """Of the rows [s], (T,)"""
+    """Time of the rows [s], (T,)"""
     arm: Arm = ARM
-    """Whose shapes they are"""
+    """The arm whose shapes are drawn"""
     first: int = 0
-    """Which row of the session the first of these is"""
+    """Row of the session at which these begin"""
 
     def about(
         self, session: sessions.Session, twins: list[Overlay], guess: EstimatedMarkers | None

@@ -7,15 +7,15 @@ import numpy as np
 from serpent_twin.residual.comparison import Comparison
 
 _PART_S = 10.0
-"""Of a segment's rows, parts of so many seconds are looked at one by one"""
+"""Length of the parts of a segment that are compared [s]"""
 _ROWS = 8
 """Least number of rows of a part"""
 _LOUD = 4.0
 """Times the median part's squared error, above which a part is loud"""
 _MOST = 0.2
-"""Of the parts, which may be loud"""
+"""Largest share of loud parts in a burst"""
 _NEARLY_ALL = 0.7
-"""Of the squared error above the median part's, which must lie in the loud parts"""
+"""Smallest share of the squared error above the median part's that lies in the loud parts of a burst"""
 
 
 @dataclass(frozen=True)
@@ -23,15 +23,15 @@ class Burst:
     """Parts of sessions whose error is far greater than that of all others."""
 
     share: float
-    """Of the squared error above that of the median part [1]"""
+    """Share of the squared error above that of the median part [1]"""
     of_time: float
-    """Of the time [1]"""
+    """Share of the time [1]"""
     session: str
-    """Of the loudest part"""
+    """Session of the loudest part"""
     begin: float
-    """Of the loudest stretch [s]"""
+    """Begin of the loudest stretch [s]"""
     end: float
-    """Its end [s]"""
+    """End of the loudest stretch [s]"""
 
 
 def burst(comparison: Comparison) -> Burst | None:

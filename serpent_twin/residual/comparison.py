@@ -160,13 +160,14 @@ class Comparison:
         rows = {k: v[chosen] for k in _ROWS if (v := getattr(self, k)) is not None}
         return replace(self, session=tuple(self.session[i] for i in chosen), **rows)
 
-    def joined(self, rows: int = _LONG) -> "Comparison":
-        """Segments of at least so many rows, from adjacent ones; what does not fill one is left out."""
+    @cached_property
+    def joined(self) -> "Comparison":
+        """Segments long enough for spectra, from adjacent ones; what does not fill one is left out."""
         width = self.time.shape[1]
         follows = np.abs(np.diff(self.start) - width * self.period) < 0.5 * self.period
         follows &= np.array([a == b for a, b in pairwise(self.session)], bool)
         runs = np.split(np.arange(len(self)), np.flatnonzero(~follows) + 1)
-        several = min(-(-rows // width), max(map(len, runs)))
+        several = min(-(-_LONG // width), max(map(len, runs)))
         if several < 2:
             return self
         groups = [run[n : n + several] for run in runs for n in range(0, len(run), several)]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.residual.comparison import Array, Comparison
-from serpent_twin.residual.dependence import Dependence, fitted
+from serpent_twin.residual.dependence import Dependence, along, fitted
 from serpent_twin.residual.joint_attribution import JointAttribution
 from serpent_twin.residual.spectrum import known
 
@@ -77,7 +77,9 @@ def _error(
         values = marker.scale * known(
             comparison.marker_residual.reshape(*comparison.time.shape, -1)
         )
-        return _along(dependence, values), f"{marker.one} residual, main direction [{marker.unit}]"
+        return along(
+            dependence.feature, values
+        ), f"{marker.one} residual, main direction [{marker.unit}]"
     if found is not None:
         turn = np.degrees(found.rotation)[:, :, i]
         name = comparison.joint_names[i]
@@ -86,13 +88,6 @@ def _error(
     name = comparison.marker_names[i]
     distance = np.nan_to_num(marker.scale * comparison.distance[:, :, i])
     return distance, f"{marker.apart} at {name} [{marker.unit}]"
-
-
-def _along(dependence: Dependence, values: Array) -> Array:
-    """The combination of coordinates, of length one, that follows the feature most."""
-    fit = fitted(dependence.feature.basis, values)
-    _, axes = np.linalg.eigh(np.einsum("sti,stj->ij", fit, fit))
-    return values @ axes[:, -1]
 
 
 def marker_curve(

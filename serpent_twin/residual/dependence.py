@@ -35,9 +35,9 @@ class Dependence:
     share_above_noise: float
     """Share of the variance that is not noise"""
     probability: float
-    """Of so good an explanation by any feature by chance"""
+    """Probability that any feature explains as much by chance"""
     shape: Shape
-    """In which way"""
+    """Shape of the dependence"""
     index: int
     """Joint, marker or motor of the target, from 0; −1 for all markers together"""
     alternatives: tuple[str, ...] = ()
@@ -138,7 +138,7 @@ def _dependence(
     others = dict.fromkeys(bank.features[i].name for i in near if i != at)
     others.pop(feature.name, None)
     channels = targets.values[:, :, targets.member[which]]
-    error = _along(feature, channels)
+    error = along(feature, channels)
     independent = error.size / max(1.0, autocorrelation_rows(error[..., None]))
     return Dependence(
         target=targets.names[which],
@@ -157,7 +157,7 @@ def _index(kinds: tuple[str, ...], which: int) -> int:
     return -1 if kinds[which] == "markers" else which - kinds.index(kinds[which])
 
 
-def _along(feature: Feature, channels: Array) -> Array:
+def along(feature: Feature, channels: Array) -> Array:
     """The combination of channels that follows the feature most, (S, T)."""
     fit = fitted(feature.basis, channels)
     _, axes = np.linalg.eigh(np.einsum("sti,stj->ij", fit, fit))

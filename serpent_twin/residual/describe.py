@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from serpent_twin.numerals import counted, listed
+from serpent_twin.numerals import capital, counted, listed
 from serpent_twin.residual.dependence import Dependence
 from serpent_twin.residual.findings import ErrorChange, Findings, SessionChange
 from serpent_twin.residual.measure import MARKERS, Measure
 from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.settling import OWN
-from serpent_twin.residual.where import Where
 
 AT_THE_NOISE = 1.08  # times the noise floor: no error is left
 SHAKES = 2.0  # times the noise floor: what changes from row to row like noise is the machine's own motion
@@ -63,7 +62,7 @@ def describe(findings: Findings) -> str:
     return " ".join([*parts, *told])
 
 
-def _pairs(findings: Findings) -> list[tuple[Dependence, Where]]:
+def _pairs(findings: Findings) -> list[tuple[Dependence, str]]:
     return list(zip(findings.depends_on, findings.where, strict=True))
 
 
@@ -88,7 +87,7 @@ def _size(findings: Findings) -> str:
             f"{load.what} by {percent:.2f} {load.unit} (noise alone: {in_words(quiet, unit)})"
         )
     text = "; ".join(parts) or "Neither markers nor loads were measured"
-    return text[0].upper() + text[1:] + "."
+    return f"{capital(text)}."
 
 
 def _shaken(findings: Findings) -> list[str]:
@@ -104,18 +103,16 @@ def _shaken(findings: Findings) -> list[str]:
     ]
 
 
-def _dependences(pairs: list[tuple[Dependence, Where]], marker: Measure) -> list[str]:
+def _dependences(pairs: list[tuple[Dependence, str]], marker: Measure) -> list[str]:
     if not pairs:
         return []
     first, at = pairs[0]
     share, text = 100 * first.share_above_noise, first.text
     size = "of it" if first.kind == "size" else "of what is above the noise"
-    seen = "" if first.kind == "load" else f" ({at.text})"
-    sentence = f"{text[0].upper() + text[1:]}, which explains {share:.0f} % {size}{seen}."
+    seen = "" if first.kind == "load" else f" ({at})"
+    sentence = f"{capital(text)}, which explains {share:.0f} % {size}{seen}."
     if first.alternatives:
-        sentence += (
-            f" {_sentence_case(' or '.join(first.alternatives))} would explain it nearly as well."
-        )
+        sentence += f" {capital(' or '.join(first.alternatives))} would explain it nearly as well."
     others = [d for d, _ in pairs[1:] if d.share_above_noise >= NOT_SMALL]
     if others:
         also = [f"{d.text} ({100 * d.share_above_noise:.0f} %)" for d in others]
@@ -139,7 +136,7 @@ def _changes(change: ErrorChange | None, what: str, marker: Measure) -> list[str
         most = int(np.argmax(np.abs(change.jump.size)))
         size = change.jump.size[most] * change.in_unit[most]
         sentences.append(
-            f"{_sentence_case(what)} jumps at {change.jump.time_s:.0f} s of {change.jump.session}, "
+            f"{capital(what)} jumps at {change.jump.time_s:.0f} s of {change.jump.session}, "
             f"most in {change.channels[most]} ({_signed(size, change.unit)}): look for "
             "something that slipped, came loose or was knocked."
         )
@@ -148,7 +145,7 @@ def _changes(change: ErrorChange | None, what: str, marker: Measure) -> list[str
         scale = change.in_unit[most]
         slope, half = scale * change.drift.per_minute[most], scale * change.drift.interval[most]
         sentences.append(
-            f"{_sentence_case(what)} drifts, most in {change.channels[most]} "
+            f"{capital(what)} drifts, most in {change.channels[most]} "
             f"({_signed(slope, change.unit)} ± {half:.2g} per minute): look for something that warms up, "
             "creeps or slips slowly."
         )
@@ -156,7 +153,7 @@ def _changes(change: ErrorChange | None, what: str, marker: Measure) -> list[str
         sentences.append(settling_text(settles))
     if change.swings and change.line is not None:
         sentences.append(
-            f"{_sentence_case(what)} swings at {change.line.frequency_hz:.2f} Hz whatever the "
+            f"{capital(what)} swings at {change.line.frequency_hz:.2f} Hz whatever the "
             f"motors do ({100 * change.line.share:.0f} % of its variance): look for something that "
             f"shakes the machine{marker.shaken}."
         )
@@ -169,7 +166,7 @@ def settling_text(of: SessionChange) -> str:
     against = f" against {motion}" if of.against else ""
     more = f", and in {counted(of.others, 'other')} likewise" if of.others else ""
     return (
-        f"{_sentence_case(of.what)} changes with the time since a session began, in every session anew: most "
+        f"{capital(of.what)} changes with the time since a session began, in every session anew: most "
         f"in {of.channel}{against} ({_signed(of.begins, of.unit)} at the beginning, fading with "
         f"{of.time_constant_s:.0f} s){more}: look for {_WARMS if of.against else _CREEPS}."
     )
@@ -178,10 +175,6 @@ def settling_text(of: SessionChange) -> str:
 def _signed(value: float, unit: str) -> str:
     gap = "" if unit == "°" else " "
     return f"{value:+.2g}{gap}{unit}".replace("-", "−")
-
-
-def _sentence_case(text: str) -> str:
-    return text[0].upper() + text[1:]
 
 
 def _unknown(findings: Findings) -> str:

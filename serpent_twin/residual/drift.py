@@ -38,15 +38,13 @@ class Jump:
     """A change at one time of one session."""
 
     session: str
-    """In this session"""
+    """Name of the session"""
     time_s: float
-    """At this time in it"""
+    """Time within the session"""
     size: Array
     """Mean after − mean before of each channel, (C,)"""
     share: float
     """Share of that session's variance that it takes away"""
-    probability: float
-    """Of so great a change by chance"""
 
 
 def drift(values: Array, time: Array, session: tuple[str, ...]) -> Drift:
@@ -102,7 +100,7 @@ def jump(
     if probability > 0.01:
         return None
     size = y[at:].mean(axis=0) - y[:at].mean(axis=0)
-    return Jump(name, float(t[at]), size, float(gain), probability)
+    return Jump(name, float(t[at]), size, float(gain))
 
 
 def step_at(values: Array, time: Array, session: tuple[str, ...], where: Jump) -> Array:

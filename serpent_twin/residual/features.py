@@ -24,9 +24,9 @@ class Feature:
     """One quantity and its basis."""
 
     name: str
-    """In words, within a sentence"""
+    """Name in words, within a sentence"""
     unit: str
-    """Of its value"""
+    """Unit of the value"""
     kind: str
     """angle, directed, velocity, direction, ripple, reversal, load, tension, past, time, place, group"""
     value: Array
@@ -36,7 +36,7 @@ class Feature:
     sign: Array | None = None
     """Direction of motion by which the dependence changes its sign, (S, T), or None"""
     per_turn: int = 0
-    """Of a ripple: periods per turn"""
+    """Periods per turn, of a ripple"""
 
 
 def features(comparison: Comparison) -> list[Feature]:

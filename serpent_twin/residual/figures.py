@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from serpent_twin.reporting.plot_style import COLOURS, INK, LINE, SOFT, finish, sheet
+from serpent_twin.reporting.plot_style import COLOURS, INK, LINE, SOFT, finish, sheet, smooth
 from serpent_twin.reporting.report import Figure
 from serpent_twin.residual.comparison import Array, Comparison
-from serpent_twin.residual.curves import curve, marker_curve
 from serpent_twin.residual.findings import Findings
 from serpent_twin.residual.noise import expected_distance
 from serpent_twin.residual.size import MOVING, load_size, marker_size
@@ -34,10 +33,8 @@ def figures(
         drawn += [_by_marker(comparisons, findings), _over_time(comparisons, findings)]
     if last.has_loads:
         drawn.append(_by_motor(comparisons, findings, moving_above))
-    if findings.depends_on:
-        drawn.append(_dependence(last, findings))
     if last.has_markers:
-        drawn += [_heat(last, findings), _spectrum(comparisons, findings)]
+        drawn.append(_spectrum(comparisons, findings))
     return tuple(drawn)
 
 
@@ -86,7 +83,7 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
         for n, those in enumerate(stretches):
             then = clock[those].ravel()
             order = np.argsort(then, kind="stable")  # segments may overlap by some rows
-            mean = _smooth(error[those].reshape(1, -1)[:, order], rows)[0]
+            mean = smooth(error[those].ravel()[order], rows)
             axes.plot(then[order], mean, color=colour, lw=1.3, label=None if n else name)
     if np.isfinite(floor := findings.noise.mean_floor):
         axes.axhspan(0, floor, color=LINE, lw=0, label="noise of the measurement")
@@ -155,68 +152,16 @@ def _by_motor(
     return Figure("load_error_by_motor", drawing, caption)
 
 
-def _dependence(comparison: Comparison, findings: Findings) -> Figure:
-    """The residual over the feature that it follows most, markers and loads."""
-    of = {d.kind == "load": d for d in reversed(findings.depends_on)}
-    told = [of[load] for load in (False, True) if load in of]
-    drawing, panels = sheet(4.8 * len(told) + (2 if len(told) == 1 else 0), 3.9, columns=len(told))
-    for axes, dependence in zip(np.atleast_1d(panels), told, strict=True):
-        drawn = curve(comparison, dependence, findings.joints)
-        axes.plot(drawn.x, drawn.error, ".", color=COLOURS[1], ms=3, alpha=0.25, mew=0)
-        axes.fill_between(drawn.middle, drawn.low, drawn.high, color=COLOURS[2], alpha=0.25, lw=0)
-        axes.plot(drawn.middle, drawn.mean, "-", color=COLOURS[2], lw=2.2)
-        for edge in dependence.shape.edges:
-            axes.axvline(edge * drawn.per_unit, color=INK, lw=1, ls=":")
-        axes.axhline(0, color=SOFT, lw=0.8)
-        axes.set(xlabel=drawn.x_label, ylabel=drawn.y_label)
-        axes.set_ylim(*np.nanquantile(drawn.error, [0.002, 0.998]) * 1.15)
-        share = 100 * dependence.share_above_noise
-        title = f"{share:.0f} % of what is above the noise"
-        title = f"{share:.0f} % of it" if dependence.kind == "size" else title
-        axes.set_title(title, loc="left", fontsize=10, color=SOFT)
-        finish(drawing, axes, legend=False)
-    caption = "; ".join(d.text for d in told)
-    note = "Points are rows, the line their mean, the band their middle half; dots mark the edges found."
-    return Figure("residual_by_feature", drawing, f"{caption[0].upper() + caption[1:]}. {note}")
-
-
-def _heat(comparison: Comparison, findings: Findings) -> Figure:
-    """The error of each joint or marker over time."""
-    drawing, (axes,) = sheet(9, 3.7)
-    names, values, label = marker_curve(comparison, findings.joints)
-    rows = min(max(1, round(4 / comparison.period)), values.shape[1])
-    pieces = values.shape[1] // rows
-    cut = values[:, : pieces * rows].reshape(len(values), pieces, rows, -1)
-    order = np.lexsort((comparison.start, np.array(comparison.session)))
-    picture = np.sqrt(np.mean(cut[order] ** 2, axis=2)).reshape(-1, len(names)).T
-    image = axes.imshow(picture, aspect="auto", cmap="magma_r", vmin=0, interpolation="nearest")
-    axes.set_yticks(np.arange(len(names)), names)
-    sessions = np.array(comparison.session)[order]
-    first = np.flatnonzero(np.concatenate([[True], sessions[1:] != sessions[:-1]]))
-    ticks = np.arange(0, len(values) + 1, max(1, len(values) // 8)) * pieces
-    axes.set_xticks(ticks - 0.5, [f"{t * rows * comparison.period:.0f}" for t in ticks])
-    for start in first[1:]:
-        axes.axvline(start * pieces - 0.5, color=INK, lw=1)
-    axes.set_xlabel("time over all segments [s]")
-    bar = drawing.colorbar(image, ax=axes, pad=0.01)
-    bar.set_label(label)
-    bar.outline.set_visible(False)  # pyright: ignore
-    axes.spines[:].set_visible(False)
-    marker = comparison.marker
-    caption = f"{marker.across} and when {marker.are} off: darker is more."
-    return Figure("error_by_place_and_time", drawing, caption)
-
-
 def _spectrum(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
     """Power of the marker residual by frequency."""
     drawing, (axes,) = sheet(9, 3.7)
     for (name, short), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
-        comparison = short.joined()
+        comparison = short.joined
         values = comparison.marker.scale * comparison.marker_residual.reshape(
             *comparison.time.shape, -1
         )
-        found = spectrum(values, comparison.period)
-        axes.semilogy(found.frequency[1:-1], found.power[1:-1], color=colour, lw=1.8, label=name)
+        frequency, power = spectrum(values, comparison.period)
+        axes.semilogy(frequency[1:-1], power[1:-1], color=colour, lw=1.8, label=name)
     last = list(comparisons.values())[-1]
     measure = last.marker
     level = 2 * last.period * measure.dimension * measure.scale**2
@@ -291,11 +236,3 @@ def _label(axes: "Axes", at: np.ndarray, names: Sequence[str], word: str) -> Non
         axes.set_xlabel(word)
     else:
         axes.set_xticks(at, names, rotation=30, ha="right")
-
-
-def _smooth(values: Array, width: int) -> Array:
-    """Mean of rows (S, T) over a centred window, without NaN."""
-    known, kernel = np.isfinite(values), np.ones(min(width, values.shape[1]))
-    count = np.stack([np.convolve(row, kernel, "same") for row in known])
-    total = np.stack([np.convolve(row, kernel, "same") for row in np.nan_to_num(values)])
-    return np.divide(total, count, out=np.full(values.shape, np.nan), where=count > 0)

@@ -1,8 +1,7 @@
 """Collect all findings on a comparison."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +14,8 @@ from serpent_twin.residual.motion_part import without_motion
 from serpent_twin.residual.noise import Noise, measurement_noise
 from serpent_twin.residual.settling import Settling, directions_of, settling
 from serpent_twin.residual.size import LoadSize, MarkerSize, load_size, marker_size
-from serpent_twin.residual.spectrum import Line, Spectrum, known, line, spectrum
-from serpent_twin.residual.where import Where, where
+from serpent_twin.residual.spectrum import Line, known, line
+from serpent_twin.residual.where import where
 
 WORTH_SAYING = 0.03  # share of the variance
 LASTING = 0.5
@@ -27,24 +26,72 @@ SETTLING_WORTH_SAYING = 0.01  # which other faults may have raised, before any f
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorChange:
-    """How the error changes in time, for markers or loads."""
+class SessionChange:
+    """A change of the error that fades after each session's beginning, in the unit of its measure."""
+
+    what: str
+    """The error that changes, in words"""
+    channel: str
+    """The channel in which it is greatest"""
+    others: int
+    """How many others change so, too"""
+    unit: str
+    begins: float
+    """Error at a session's beginning less that in the end"""
+    interval: float
+    """Half width of its 95 % interval"""
+    against: str
+    """The motion against which it acts, as friction does; empty: whatever moves"""
+    time_constant_s: float
+    """Time constant with which it fades [s]"""
+    share: float
+    """Share of the variance that it takes away"""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorCourse:
+    """An error as it is followed in time."""
 
     channels: tuple[str, ...]
     """What is followed: rotations at joints, markers along an axis, or motors' loads, (C,)"""
+    of: tuple[str, ...]
+    """The motor, joint or marker of each channel, (C,)"""
     unit: str
-    """In which a person reads them"""
+    """Unit in which people read the values"""
     in_unit: Array
-    """What one of drift's and jump's numbers is in that unit, (C,)"""
+    """Factor from the values to that unit, (C,)"""
+    values: Array
+    """(S, T, C)"""
+    swinging: Array
+    """Values in which swings are sought, (S, T, K)"""
+
+    def session_change(self, what: str, found: Settling) -> SessionChange:
+        """A change that fades after each session's beginning, in the unit that people read."""
+        scale = float(self.in_unit[found.channel])
+        return SessionChange(
+            what,
+            self.channels[found.channel],
+            len(found.channels) - 1,
+            self.unit,
+            scale * found.begins,
+            scale * found.interval,
+            found.against,
+            found.time_constant,
+            found.share,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorChange(ErrorCourse):
+    """How the error changes in time, for markers or loads."""
+
     drift: Drift
     """Trend"""
     jump: Jump | None
     """Change at one time"""
     line: Line | None
     """Swing that keeps its phase"""
-    spectrum: Spectrum
-    """Power by frequency"""
-    settling: Settling | None = None
+    settling: Settling | None
     """Change that fades after each session's beginning"""
 
     @property
@@ -59,13 +106,13 @@ class ErrorChange:
         least = SETTLING_WORTH_SAYING if most == "settling" else WORTH_SAYING
         return most if shares[most] >= least else ""
 
-    def settles(self, what: str) -> "SessionChange | None":
+    def settles(self, what: str) -> SessionChange | None:
         """The change of an error that fades after each session's beginning, if nothing else that is steady
         explains more.
         """
         if self.steady != "settling" or self.settling is None:
             return None
-        return _settled(what, self.channels, self.unit, self.in_unit, self.settling)
+        return self.session_change(what, self.settling)
 
     @property
     def swings(self) -> bool:
@@ -84,15 +131,15 @@ class Findings:
     noise: Noise
     """Measurement noise"""
     joints: JointAttribution | None
-    """By joint, where the geometry is known"""
+    """The markers' error by joint, where the geometry is known"""
     marker_change: ErrorChange | None
     """Course in time of the markers' error"""
     load_change: ErrorChange | None
     """Course in time of the loads' error"""
     depends_on: list[Dependence]
-    """On what it depends, the greatest share first"""
-    where: list[Where]
-    """Where each dependence shows"""
+    """Features on which the error depends, the greatest share first"""
+    where: list[str]
+    """Where each dependence shows, in words"""
     burst: Burst | None = None
     """The short time in which nearly all of the markers' error lies"""
 
@@ -134,7 +181,7 @@ class Findings:
                     "what": d.target,
                     "follows": d.feature.name,
                     "how": d.shape.text,
-                    "where": w.text,
+                    "where": w,
                     "share_above_noise": d.share_above_noise,
                     "probability_of_chance": d.probability,
                     "or": list(d.alternatives),
@@ -162,43 +209,6 @@ def analyse(comparison: Comparison, rng: np.random.Generator, permutations: int 
     )
 
 
-class _Values(NamedTuple):
-    """What is followed of an error in time."""
-
-    channels: tuple[str, ...]
-    of: tuple[str, ...]
-    """The motor, joint or marker that each channel is of"""
-    unit: str
-    in_unit: Array
-    values: Array
-    """(S, T, C)"""
-    swinging: Array
-    """The same, as swings are looked for"""
-
-
-@dataclass(frozen=True, eq=False)
-class SessionChange:
-    """A change of the error that fades after each session's beginning, in the unit of its measure."""
-
-    what: str
-    """Whose error, in words"""
-    channel: str
-    """In which it is greatest"""
-    others: int
-    """How many others change so, too"""
-    unit: str
-    begins: float
-    """By how much the error is greater at a session's beginning than in the end"""
-    interval: float
-    """Half width of its 95 % interval"""
-    against: str
-    """Against whose motion; empty: whatever moves"""
-    time_constant_s: float
-    """With which it fades [s]"""
-    share: float
-    """Share of the variance that it takes away"""
-
-
 def settled(comparison: Comparison) -> list[SessionChange]:
     """What settles after each session's beginning, of markers and of loads, where it is worth a sentence."""
     noise = measurement_noise(comparison)
@@ -209,30 +219,13 @@ def settled(comparison: Comparison) -> list[SessionChange]:
     )
     each = [(what, of, _settling(comparison, of)) for what, of in several if of]
     return [
-        _settled(what, of.channels, of.unit, of.in_unit, settles)
+        of.session_change(what, settles)
         for what, of, settles in each
         if settles and settles.share >= SETTLING_WORTH_SAYING
     ]
 
 
-def _settled(
-    what: str, channels: Sequence[str], unit: str, in_unit: Array, of: Settling
-) -> SessionChange:
-    scale = float(in_unit[of.channel])
-    return SessionChange(
-        what,
-        channels[of.channel],
-        len(of.channels) - 1,
-        unit,
-        scale * of.begins,
-        scale * of.interval,
-        of.against,
-        of.time_constant,
-        of.share,
-    )
-
-
-def _of_markers(comparison: Comparison, found: JointAttribution | None) -> _Values | None:
+def _of_markers(comparison: Comparison, found: JointAttribution | None) -> ErrorCourse | None:
     if not comparison.has_markers:
         return None
     measure = comparison.marker
@@ -240,31 +233,31 @@ def _of_markers(comparison: Comparison, found: JointAttribution | None) -> _Valu
     if found is None:
         of = tuple(m for m in comparison.marker_names for _ in measure.along)
         channels = tuple(f"{m}{x}" for m in comparison.marker_names for x in measure.along)
-        return _Values(channels, of, measure.unit, np.ones(len(channels)), markers, markers)
+        return ErrorCourse(channels, of, measure.unit, np.ones(len(channels)), markers, markers)
     names = comparison.joint_names
     scale = 1e3 * np.maximum(found.lever, 1e-6)  # counted by how far they move the markers
     resolved = np.where(found.resolved > 0.5, found.resolved, 1.0)  # below, it is a neighbour's
     true = np.degrees(1 / scale) / resolved
     channels = tuple(f"the rotation at {name}" for name in names)
-    return _Values(channels, names, "°", true, found.rotation * scale, markers)
+    return ErrorCourse(channels, names, "°", true, found.rotation * scale, markers)
 
 
-def _of_loads(comparison: Comparison) -> _Values | None:
+def _of_loads(comparison: Comparison) -> ErrorCourse | None:
     if not comparison.has_loads:
         return None
     measure, names = comparison.load, comparison.load_names
     loads = measure.scale * comparison.load_residual
     channels = tuple(f"{name}'s {measure.one}" for name in names)
-    return _Values(channels, names, measure.unit, np.ones(len(names)), loads, loads)
+    return ErrorCourse(channels, names, measure.unit, np.ones(len(names)), loads, loads)
 
 
-def _settling(comparison: Comparison, of: _Values) -> Settling | None:
+def _settling(comparison: Comparison, of: ErrorCourse) -> Settling | None:
     directions = directions_of(comparison, of.of)
     return settling(of.values, comparison.time, comparison.session, directions)
 
 
 def _change(
-    c: Comparison, of: _Values | None, rng: np.random.Generator, permutations: int
+    c: Comparison, of: ErrorCourse | None, rng: np.random.Generator, permutations: int
 ) -> ErrorChange | None:
     if of is None:
         return None
@@ -274,14 +267,11 @@ def _change(
     ):
         step = None
     return ErrorChange(
-        of.channels,
-        of.unit,
-        of.in_unit,
-        drift(of.values, c.time, c.session),
-        step,
-        line(of.swinging, c.period, rng, permutations),
-        spectrum(of.swinging, c.period),
-        _settling(c, of),
+        **vars(of),
+        drift=drift(of.values, c.time, c.session),
+        jump=step,
+        line=line(of.swinging, c.period, rng, permutations),
+        settling=_settling(c, of),
     )
 
 

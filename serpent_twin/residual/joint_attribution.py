@@ -9,7 +9,7 @@ from serpent_twin.residual.comparison import Array, Comparison
 
 @dataclass(frozen=True, eq=False)
 class JointAttribution:
-    """The marker residual as small rotations of the joints, and what no rotation explains."""
+    """The marker residual as small rotations of the joints."""
 
     rotation: Array
     """Additional rotation of each joint that explains the markers [rad], (S, T, J)"""
@@ -19,8 +19,6 @@ class JointAttribution:
     """Root mean square over rows and markers of what one rad moves [m/rad], (J,)"""
     share: Array
     """Share of the markers' squared residual that each joint's rotation accounts for, (J,)"""
-    remainder: float
-    """Share of it that no rotation accounts for, noise included"""
 
 
 def joint_jacobian(comparison: Comparison) -> Array:
@@ -64,16 +62,7 @@ def attribute_to_joints(
         spread = np.diagonal(covariance, axis1=2, axis2=3)
         width = np.mean(rotation**2 + spread, axis=(0, 1))
     resolved = np.einsum("stij,stji->i", covariance, gram, optimize=True) / (S * T)
-    return _attribution(rotation, resolved, H, y, weight > 0)
-
-
-def _attribution(
-    rotation: Array, resolved: Array, H: Array, y: Array, seen: np.ndarray
-) -> JointAttribution:
-    """Shares by which each joint's rotation shortens the residual, given the others'."""
-    moved = np.where(seen[..., None], H * rotation[..., None, :], 0.0)
-    total = max(float(np.sum(y**2)), 1e-300)
-    share = np.einsum("stkj,stk->j", moved, y) / total
-    left = np.sum(np.where(seen, y - moved.sum(axis=-1), 0.0) ** 2) / total
+    moved = np.where(weight[..., None] > 0, H * rotation[..., None, :], 0.0)
+    share = np.einsum("stkj,stk->j", moved, y) / max(float(np.sum(y**2)), 1e-300)
     lever = np.sqrt(np.mean(H**2, axis=(0, 1, 2)) * 3)
-    return JointAttribution(rotation, resolved, lever, share, float(left))
+    return JointAttribution(rotation, resolved, lever, share)

@@ -55,7 +55,7 @@ class Learned:
     before: float = np.nan
     """Mean marker distance on the held-out logs without it, in the unit of the markers' measure"""
     after: float = np.nan
-    """With it"""
+    """Mean marker distance on the held-out logs with it"""
     share: float = 0.0
     """Share of that distance which it removes; 0 if it is off"""
     interval: tuple[float, float] = (0.0, 0.0)

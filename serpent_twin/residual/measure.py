@@ -12,15 +12,15 @@ class Measure:
     one: str
     """Its name, such as `marker`"""
     are: str
-    """As the subject of a sentence, such as `the markers are`"""
+    """Its name as the subject of a sentence, such as `the markers are`"""
     size: str
-    """Of its error, such as `mean marker distance`"""
+    """Name of its error, such as `mean marker distance`"""
     unit: str
-    """In which people read it"""
+    """Unit in which people read it"""
     key: str
     """The unit as a JSON key ends with it"""
     scale: float
-    """That unit per unit of the arrays"""
+    """How many of these units are one unit of the arrays"""
     base: str
     """The arrays' unit"""
     noise: str = "noise of the measurement alone"
@@ -28,7 +28,7 @@ class Measure:
     axes: str = ""
     """Letters of its coordinates; nothing where there is one"""
     order: str = ""
-    """In which several are listed"""
+    """Words for the order in which several are listed"""
     zero: str = "the sensors' zeros and the model's keyframe"
     """Where to look if it is off by a constant"""
     view: str = ""
@@ -36,7 +36,7 @@ class Measure:
     shaken: str = " or its frame"
     """What may shake besides the machine"""
     across: str = "Where"
-    """Of what is drawn by place"""
+    """Caption of what is drawn by place"""
 
     @property
     def field(self) -> str:

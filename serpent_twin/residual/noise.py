@@ -35,14 +35,15 @@ class Noise:
     """Standard deviations of the measurement noise, NaN where it is unknown."""
 
     marker: Array
-    """Of one coordinate of each marker [m], (M,)"""
+    """Noise of one coordinate of each marker [m], (M,)"""
     load: Array
-    """Of each motor's load [fraction of the stall torque], (N,)"""
+    """Noise of each motor's load [fraction of the stall torque], (N,)"""
     jitter: Array
-    """Of one coordinate of each marker [m], (M,): noise, and what moves from row to row like it, such as
-    a machine that sticks and slips a little differently every time"""
+    """Noise of one coordinate of each marker and what changes from row to row like noise, such as the
+    stick-slip of a machine [m], (M,)
+    """
     load_jitter: Array
-    """Of each motor's load, from one row to the next [fraction of the stall torque], (N,)"""
+    """Change of each motor's load from row to row [fraction of the stall torque], (N,)"""
     of_marker: Measure = MARKERS
     """What the markers are"""
     of_load: Measure = LOADS
@@ -60,7 +61,9 @@ class Noise:
 
     @property
     def rms_load_jitter(self) -> float:
-        """The same for loads, root mean square, in the unit of their measure."""
+        """Root mean square load error of a twin that is right about all but row-to-row changes, in the unit
+        of the loads' measure.
+        """
         return self._rms(self.load_jitter)
 
     @property

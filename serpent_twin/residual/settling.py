@@ -29,15 +29,15 @@ class Settling:
     """A change of the error that fades after each session's beginning."""
 
     channel: int
-    """Which channel changes most beyond chance"""
+    """The channel that changes most beyond chance"""
     against: str
-    """Against whose motion, as friction is, such as `its own`; empty: whatever moves"""
+    """The motion against which it acts, as friction does, such as `its own`; empty: whatever moves"""
     begins: float
-    """By how much the error is greater at a session's beginning than in the end [unit]"""
+    """Error at a session's beginning less that in the end [unit]"""
     interval: float
     """Half width of its 95 % interval"""
     time_constant: float
-    """With which it fades [s]"""
+    """Time constant with which it fades [s]"""
     share: float
     """Share of the variance of all channels that such a change takes away"""
     channels: tuple[int, ...]
@@ -84,24 +84,22 @@ def settling(
 
 
 def directions_of(comparison: Comparison, channels: Sequence[str]) -> dict[str, Array]:
-    """In which way things move, −1 … 1: of channels that are all of motors, of joints or of angles that are
-    measured, each its own, (S, T, C); else each of these, (S, T), by name.
+    """Directions of motion, −1 … 1. If every channel belongs to a motor, a joint or a measured angle, each
+    channel's own, (S, T, C); else those of all motors, joints and measured angles, (S, T), by name.
     """
     found: dict[str, Array] = {}
-    if comparison.marker.dimension == 1 and comparison.marker_predicted is not None:
-        rates = velocity_of(comparison, comparison.marker_predicted[..., 0])
-        each = (direction_of(rate) for rate in np.moveaxis(rates, -1, 0))
-        found |= zip(comparison.marker_names, each, strict=True)
-    if comparison.motor_angle is not None:
+    several: list[tuple[tuple[str, ...], Array]] = []  # the last of one name counts
+    if (motor := comparison.motor_angle) is not None:
         rates = comparison.motor_velocity
-        if rates is None:
-            rates = velocity_of(comparison, comparison.motor_angle)
-        each = (direction_of(rate) for rate in np.moveaxis(rates, -1, 0))
-        found = {**dict(zip(comparison.motor_names, each, strict=True)), **found}
-    if comparison.joint_angle is not None:
-        rates = velocity_of(comparison, comparison.joint_angle)
-        each = (direction_of(rate) for rate in np.moveaxis(rates, -1, 0))
-        found = {**found, **dict(zip(comparison.joint_names, each, strict=True))}
+        several.append(
+            (comparison.motor_names, velocity_of(comparison, motor) if rates is None else rates)
+        )
+    if comparison.marker.dimension == 1 and (marker := comparison.marker_predicted) is not None:
+        several.append((comparison.marker_names, velocity_of(comparison, marker[..., 0])))
+    if (joint := comparison.joint_angle) is not None:
+        several.append((comparison.joint_names, velocity_of(comparison, joint)))
+    for names, rates in several:
+        found |= zip(names, map(direction_of, np.moveaxis(rates, -1, 0)), strict=True)
     if channels and all(name in found for name in channels):
         return {OWN: np.stack([found[name] for name in channels], axis=-1)}
     return {name: each for name, each in found.items() if np.ptp(each) > 0}
@@ -109,7 +107,7 @@ def directions_of(comparison: Comparison, channels: Sequence[str]) -> dict[str, 
 
 @dataclass(frozen=True, eq=False)
 class _Fade:
-    """Of each channel, (C,)."""
+    """Least-squares estimates of a fading change, for each channel, (C,)."""
 
     size: Array
     error: Array

@@ -18,13 +18,11 @@ class Shape:
     kind: str
     """linear, step, window, ramp, ripple, curve or none"""
     text: str
-    """In words, within a sentence"""
+    """The shape in words, within a sentence"""
     edges: tuple[float, ...] = ()
     """Threshold or window [the quantity's unit]"""
     per_turn: int = 0
-    """Of a ripple: periods per turn"""
-    amplitude: float = 0.0
-    """Half the range of the curve [unit of the error]"""
+    """Periods per turn, of a ripple"""
 
 
 def shape_of(feature: Feature, error: Array, effective_rows: float) -> Shape:
@@ -51,7 +49,7 @@ def _tries(feature: Feature, x: Array, y: Array) -> Iterator[tuple[float, int, S
     """Squared error left, number of parameters and shape for each kind of curve."""
     if feature.per_turn:
         fit = _fit(_wave(x, feature.per_turn), y)
-        yield _left(fit, y), 2, _ripple(fit, feature.per_turn)
+        yield _left(fit, y), 2, _ripple(feature.per_turn)
         return
     yield _straight(feature, x, y)
     grid = np.unique(np.quantile(x, np.linspace(0.03, 0.97, _GRID)))
@@ -60,17 +58,17 @@ def _tries(feature: Feature, x: Array, y: Array) -> Iterator[tuple[float, int, S
     if len(grid) > 1:  # else nearly all rows have one value
         yield _window(feature, x, y, grid)
     fit = _fit(np.stack([np.clip((x - g), 0, None) for g in grid[::6]] + [x], axis=1), y)
-    yield _left(fit, y), 9, Shape("curve", _where_large(feature, x, fit), (), 0, _half(fit))
+    yield _left(fit, y), 9, Shape("curve", _where_large(feature, x, fit))
     if feature.unit == "rad" and feature.kind == "angle":
         turns = [k for k in TURN_FRACTIONS if np.ptp(x) * k > 4 * np.pi]
         for fit, k in ((_fit(_wave(x, k), y), k) for k in turns):
-            yield _left(fit, y), 3, _ripple(fit, k)
+            yield _left(fit, y), 3, _ripple(k)
 
 
-def _ripple(fit: Array, k: int) -> Shape:
+def _ripple(k: int) -> Shape:
     period = np.degrees(2 * np.pi / k)
     text = f"{times(k)} per turn (every {period:.0f}°)"
-    return Shape("ripple", text, (), k, _half(fit))
+    return Shape("ripple", text, per_turn=k)
 
 
 def times(k: int) -> str:
@@ -80,7 +78,7 @@ def times(k: int) -> str:
 
 def _straight(feature: Feature, x: Array, y: Array) -> tuple[float, int, Shape]:
     fit = _fit(x[:, None], y)
-    return _left(fit, y), 1, Shape("linear", "in proportion to it", (), 0, _half(fit))
+    return _left(fit, y), 1, Shape("linear", "in proportion to it")
 
 
 def _step(feature: Feature, x: Array, y: Array, grid: Array) -> tuple[float, int, Shape]:
@@ -92,7 +90,7 @@ def _step(feature: Feature, x: Array, y: Array, grid: Array) -> tuple[float, int
     text = f"{side} {quantity(grid[best], feature.unit)}"
     if feature.kind == "velocity" and abs(grid[best]) < 0.2 * np.std(x):
         text = "with its sign"
-    return _left(fits[best], y), 2, Shape("step", text, (grid[best],), 0, _half(fits[best]))
+    return _left(fits[best], y), 2, Shape("step", text, (grid[best],))
 
 
 def _ramp(feature: Feature, x: Array, y: Array, grid: Array) -> tuple[float, int, Shape]:
@@ -102,7 +100,7 @@ def _ramp(feature: Feature, x: Array, y: Array, grid: Array) -> tuple[float, int
     _, edge, side = tries[best]
     word = "above" if side > 0 else "below"
     text = f"growing {word} {quantity(edge, feature.unit)}"
-    return _left(fits[best], y), 2, Shape("ramp", text, (float(edge),), 0, _half(fits[best]))
+    return _left(fits[best], y), 2, Shape("ramp", text, (float(edge),))
 
 
 def _window(feature: Feature, x: Array, y: Array, grid: Array) -> tuple[float, int, Shape]:
@@ -116,10 +114,9 @@ def _window(feature: Feature, x: Array, y: Array, grid: Array) -> tuple[float, i
     gain = np.where(count > 0, inside**2 * n / np.maximum(count * (n - count), 1), 0.0)
     best = int(np.argmax(gain))
     edges = float(grid[low[best]]), float(grid[high[best]])
-    half = abs(inside[best]) * n / max(count[best] * (n - count[best]), 1) / 2
     text = between(*edges, feature.unit)
     left = float(np.sum(y**2) - gain[best])
-    return left, 3, Shape("window", text, edges, 0, half)
+    return left, 3, Shape("window", text, edges)
 
 
 def _where_large(feature: Feature, x: Array, fit: Array) -> str:
@@ -144,10 +141,6 @@ def _fit(columns: Array, y: Array) -> Array:
 
 def _left(fit: Array, y: Array) -> float:
     return float(np.sum((y - fit) ** 2))
-
-
-def _half(fit: Array) -> float:
-    return float(np.ptp(fit)) / 2
 
 
 def quantity(value: float, unit: str) -> str:

@@ -17,18 +17,12 @@ class MarkerSize:
 
     mean: float
     """Mean over markers, rows and segments; NaN without markers"""
-    std: float
-    """Standard deviation over the same set"""
     by_marker: Array
     """Mean of each marker, (M,)"""
     by_segment: Array
     """Mean of each segment, (S,)"""
     by_row: Array
     """Mean over markers of each row, (S, T)"""
-    in_segment: Array
-    """Mean over markers and segments by the row within the segment, (T,)"""
-    rms_by_axis: Array
-    """Root mean square along x, y, z, (3,)"""
     mean_residual: Array
     """Mean of measured − predicted: the constant part, (M, 3)"""
 
@@ -40,11 +34,11 @@ class LoadSize:
     rms: float
     """Over all motors and rows; NaN without loads"""
     by_motor: Array
-    """Of each motor, (N,)"""
+    """Load error of each motor, (N,)"""
     moving: Array
-    """Of each motor in rows where it moves, (N,)"""
+    """Load error of each motor in the rows where it moves, (N,)"""
     resting: Array
-    """Of each motor in rows where it rests, (N,)"""
+    """Load error of each motor in the rows where it rests, (N,)"""
 
 
 def marker_size(comparison: Comparison) -> MarkerSize:
@@ -55,12 +49,9 @@ def marker_size(comparison: Comparison) -> MarkerSize:
         warnings.simplefilter("ignore", RuntimeWarning)
         return MarkerSize(
             mean=float(np.nanmean(distance)) if distance.size else np.nan,
-            std=float(np.nanstd(distance)) if distance.size else np.nan,
             by_marker=np.nanmean(distance, axis=(0, 1)),
             by_segment=np.nanmean(distance, axis=(1, 2)),
             by_row=np.nanmean(distance, axis=2),
-            in_segment=np.nanmean(distance, axis=(0, 2)),
-            rms_by_axis=np.sqrt(np.nanmean(residual**2, axis=(0, 1, 2))),
             mean_residual=np.nanmean(residual, axis=(0, 1)),
         )
 

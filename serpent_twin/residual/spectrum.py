@@ -7,22 +7,6 @@ import numpy as np
 from serpent_twin.residual.comparison import Array
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrum:
-    """Power of a residual, summed over its channels."""
-
-    frequency: Array
-    """[Hz], (F,)"""
-    power: Array
-    """[unit²/Hz], (F,)"""
-    dominant_hz: float
-    """Where the power is greatest"""
-    dominant_share: float
-    """Share of the power within one bin of there"""
-    autocorrelation_s: float
-    """Time after which the residual's autocorrelation is below 1/e"""
-
-
 @dataclass(frozen=True)
 class Line:
     """An oscillation that keeps its phase over a segment."""
@@ -31,21 +15,17 @@ class Line:
     """Its frequency, below half the row rate"""
     share: float
     """Share of the residual's variance, noise excluded"""
-    probability: float
-    """Of so coherent a swing by chance"""
 
 
-def spectrum(values: Array, period: float) -> Spectrum:
-    """Welch's spectrum of values (S, T, C), rows `period` [s] apart, averaged over segments."""
+def spectrum(values: Array, period: float) -> tuple[Array, Array]:
+    """Welch's spectrum of values (S, T, C), rows `period` [s] apart, averaged over segments: frequencies
+    [Hz] and power [unit²/Hz] summed over channels, (F,) each.
+    """
     from scipy.signal import welch
 
     rows = known(values)
     frequency, power = welch(rows, 1 / period, nperseg=min(rows.shape[1], 128), axis=1)
-    power = power.sum(axis=-1).mean(axis=0)
-    top, total = int(np.argmax(power)), power.sum() or 1.0
-    share = power[max(0, top - 1) : top + 2].sum() / total
-    memory = autocorrelation_rows(rows) * period
-    return Spectrum(frequency, power, float(frequency[top]), float(share), memory)
+    return frequency, power.sum(axis=-1).mean(axis=0)
 
 
 def known(values: Array) -> Array:
@@ -98,7 +78,7 @@ def line(
         return None
     energy = 2 / rows * B / (B - 1) * (together - alone)[best]
     share = energy / (np.sum(block**2) or 1.0)
-    return Line(float(frequency[best]), float(np.clip(share, 0, 1)), float(probability))
+    return Line(float(frequency[best]), float(np.clip(share, 0, 1)))
 
 
 def _coherent(wave: np.ndarray, sign: Array) -> Array:

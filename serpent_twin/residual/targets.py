@@ -17,13 +17,13 @@ class Targets:
     """Channels of the residual, and the sets of them that may depend on something."""
 
     names: tuple[str, ...]
-    """Of each target, in words, within a sentence, (K,)"""
+    """Name of each target in words, within a sentence, (K,)"""
     kinds: tuple[str, ...]
     """markers, joint, size or load, (K,)"""
     values: Array
     """Channels without their means, (S, T, C); markers in mm, loads in % of the stall torque"""
     member: np.ndarray
-    """Which channels make up a target, (K, C)"""
+    """Whether a channel belongs to a target, (K, C)"""
     total: Array
     """Variance by which each target's share is counted, noise included, (K,)"""
     noise: Array

@@ -20,7 +20,7 @@ from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.measure import ANGLE
 
 LEVEL = 0.05
-"""Of chance: for a channel to be called white, and for its correlation with any input at any lag"""
+"""Significance level of the test for whiteness, and of the correlation with any input at any lag"""
 _LAGS = 40
 """Rows of delay that are examined at most, and a quarter of a segment at most"""
 _FEWEST = 50
@@ -38,19 +38,19 @@ class ChannelWhiteness:
     rows: int
     """Known rows"""
     autocorrelation: Array
-    """At lags of 0, 1, … rows [1], (L + 1,)"""
+    """Autocorrelation at lags of 0, 1, … rows [1], (L + 1,)"""
     bound: Array
     """95 % bounds of each for a white channel, (L + 1,)"""
     probability: float
-    """Of so much autocorrelation in a white channel"""
+    """Probability of as much autocorrelation in a white channel"""
     input: str
     """The input that it follows most, beside the bound of chance; nothing without inputs"""
     lag: float
-    """By which it follows that input [s]"""
+    """Lag at which it follows that input [s]"""
     correlation: float
-    """With that input at that lag [1]"""
+    """Correlation with that input at that lag [1]"""
     input_bound: float
-    """Which the correlation with none of the inputs exceeds, at no lag, in 95 % of cases"""
+    """Bound that no correlation with an input exceeds, at any lag, in 95 % of cases"""
 
     @property
     def white(self) -> bool:
@@ -91,7 +91,7 @@ class Whiteness:
     """Rows of delay up to which each is examined: Ljung and Box's degrees of freedom, as nothing was fitted
     to the rows that are tested"""
     period: float
-    """Of a row [s]"""
+    """Time between rows [s]"""
     inputs: str = "a motor's angle or velocity"
     """What the inputs are, in words"""
 
@@ -136,7 +136,7 @@ class Whiteness:
 
 def whiteness(comparison: Comparison) -> Whiteness:
     """Test every coordinate of every marker and every load of a comparison against white noise and inputs."""
-    comparison = comparison.joined()
+    comparison = comparison.joined
     rows = comparison.time.shape[1]
     lags = max(1, min(_LAGS, rows // 4))
     residual, inputs = _residual(comparison), _inputs(comparison)
@@ -167,7 +167,7 @@ class _Series:
 
     @classmethod
     def of(cls, names: Sequence[str], values: Array, fewest: int = 1) -> "_Series":
-        """Of those that vary and have enough known rows; values are NaN where unknown, (S, T, K)."""
+        """Keep the series that vary and have enough known rows; values are NaN where unknown, (S, T, K)."""
         known = np.isfinite(values)
         count = np.maximum(known.sum(axis=(0, 1)), 1)
         mean = np.where(known, values, 0.0).sum(axis=(0, 1)) / count
@@ -247,7 +247,7 @@ class _Limits:
     correlation: Array
     """(L + 1, inputs, channels)"""
     bound: Array
-    """Likewise"""
+    """What chance reaches in one case of 20, (L + 1, inputs, channels)"""
 
     def strongest(self, channel: int) -> tuple[str, int, float, float]:
         """Input, lag [rows], correlation and bound where a channel follows most beside the bound."""

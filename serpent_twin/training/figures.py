@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.plot_style import COLD, WARM, Style, finish, sheet, styles
+from serpent_twin.reporting.plot_style import COLD, WARM, Style, finish, sheet, smooth, styles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,12 +85,3 @@ def by_real_windows(curves: Mapping[str, Mapping[int, float]]) -> "Figure":
     axes.set(ylim=(min(errors) / 1.5, 1.5 * max(errors)))
     finish(figure, axes)
     return figure
-
-
-def smooth(values: Array, width: int) -> Array:
-    """Mean over a centred window of `width` steps, NaN left out; shorter at the ends."""
-    known = np.isfinite(values)
-    kernel = np.ones(min(width, len(values)))
-    count = np.convolve(known, kernel, "same")
-    total = np.convolve(np.where(known, values, 0.0), kernel, "same")
-    return np.divide(total, count, out=np.full(len(values), np.nan), where=count > 0)

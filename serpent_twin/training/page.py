@@ -10,7 +10,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted, listed
 from serpent_twin.readouts.score import step_means
 from serpent_twin.readouts.windows import Windows
-from serpent_twin.reporting.report import Figure, Report, Section, Table
+from serpent_twin.reporting.report import Figure, Report, Section, Table, versions_text
 from serpent_twin.training import figures
 from serpent_twin.training.tables import (
     PEER,
@@ -155,8 +155,7 @@ def _facts(scores: Mapping[str, Any]) -> dict[str, str]:
     origin = scores["provenance"]
     facts = {f"{part} sessions": ", ".join(n) for part, n in origin["sessions"].items()}
     facts |= {key: str(origin[key]) for key in ("window", "drop", "seed", "epochs", "threads")}
-    facts |= {"commit": origin["git_commit"]}
-    facts |= {"versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items())}
+    facts |= {"commit": origin["git_commit"], "versions": versions_text(origin)}
     facts |= {f"sha256 of {name}": h for name, h in origin["input_sha256"].items()}
     if "adapt" not in scores:
         return facts

@@ -144,9 +144,10 @@ def test_strengths_of_unlike_variants_have_limits_of_their_own():
     rows = []
     for level in np.geomspace(0.1, 2.0, 40):
         for seed in range(6):
-            rng = np.random.default_rng(seed)
-            effect = confusion_arms.injected("cable_friction", level, rng)
-            told = confusion_arms._told("cable_friction", effect)
+            bend = seed % 2
+            strength = level * (0.4 if bend else 0.1)
+            values = {"coefficient": strength, "by_bend": bend}
+            told = confusion_arms.truth_of("cable_friction", values, strength)
             named = [("cable_friction", {})] if level > 0.5 else []
             rows.append(row(KNOWN, "cable_friction", named=named) | {"truth": {"effects": [told]}})
     limits = {each.name: each.limit for each in confusion_score.limits(rows)}

@@ -14,18 +14,20 @@ from experiments.close_the_loop import picture as close_the_loop_picture
 from experiments.confusion import __main__ as confusion
 from experiments.confusion import arms as confusion_arms
 from experiments.confusion import expected as confusion_expected
-from experiments.confusion import outside as confusion_outside
 from experiments.confusion import trial as confusion_trial
 from experiments.confusion.plan import KNOWN, PAIR, Trial
 from serpent_twin import effects
+from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.geometry import ARM, link_frames
 from serpent_twin.effects import by_name
 from serpent_twin.effects.arm_places import levers
 from serpent_twin.effects.law import Law, parse
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.catalogue import CATALOGUE
+from serpent_twin.recording.simulated_arm import SimulatedArm
 from serpent_twin.sessions import read_session, write_session
 from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
 
 # what is injected
@@ -45,64 +47,31 @@ def test_a_force_on_a_link_works_as_much_as_its_point_moves():
     assert [found[0, 6], found[1, 2]] == pytest.approx(slope, abs=1e-8)
 
 
-@pytest.mark.parametrize("name", confusion_outside.OUTSIDE)
-def test_an_effect_outside_the_catalogue_acts_and_stays_outside(name):
-    rng = np.random.default_rng(1)
-    built = confusion_arms.draw(rng)
-    effect = confusion_arms.injected(name, 5.0, rng)
-    if name == "outside_force":
-        effect = replace(effect, beyond=-1.0)
-    if name == "sticking_joint":
-        effect = replace(effect, begin=-0.5, width=1.0)
-    absent = type(effect)(0.0, **confusion_outside.place(name, rng))
-    logs = [
-        confusion_arms.simulated(replace(built, effects=each), 1, 12, np.random.default_rng(7))
-        for each in ((), (absent,), (effect,))
-    ]
-    assert np.array_equal(logs[0].marker, logs[1].marker, equal_nan=True)
-    shift = np.nanmax(np.linalg.norm(logs[2].marker - logs[0].marker, axis=-1))
-    load = np.abs(logs[2].motor_load - logs[0].motor_load).max()
-    assert load > 1e-3 if name == "load_ripple" else shift > 2e-4
-    assert name not in CATALOGUE
-
-
-@pytest.mark.parametrize("name", CATALOGUE)
-def test_what_is_injected_is_as_strong_as_asked(name):
-    kind = by_name(name)
-    usual = {round(variant.strength, 12) for variant in kind.variants()}
-    for seed in range(5):
-        effect = confusion_arms.injected(name, 0.5, np.random.default_rng(seed))
-        assert any(effect.strength == pytest.approx(0.5 * each) for each in usual)
-
-
 def test_a_trial_writes_the_same_logs_after_an_interruption(tmp_path):
     trial = Trial("payload-00", KNOWN, (("payload", 1.0),))
-    source, length = confusion_arms.TwinSource(), confusion_arms.Length(2, 6)
-    truth = source.write(trial, tmp_path / "logs", length, 0)
+    length = confusion_arms.Length(2, 6)
+    truth = confusion_arms.write_logs(trial, tmp_path / "logs", length, 0)
     second = tmp_path / "logs" / "session_02.parquet"
     before = read_session(second)
+    (tmp_path / "recorded.json").unlink()
     second.unlink()
-    assert source.write(trial, tmp_path / "logs", length, 0) == truth
+    assert confusion_arms.write_logs(trial, tmp_path / "logs", length, 0) == truth
     again = read_session(second)
     assert np.array_equal(before.marker, again.marker, equal_nan=True)
     assert np.array_equal(before.motor_load, again.motor_load)
-    held = truth["effects"][0]["parameters"]
-    assert (held["mass"], held["place"]) in {
-        (v.mass, v.place) for v in by_name("payload").variants()
-    }
 
 
 def test_the_independent_arm_tells_its_faults_in_the_catalogues_words(tmp_path):
-    source = confusion_arms.BenchSource()
     trial = Trial("t", PAIR, (("base_tilt", 1.0), ("cable_creep", 0.5)))
-    truth = source.write(trial, tmp_path / "logs", confusion_arms.Length(2, 6), 0)["effects"]
+    length = confusion_arms.Length(2, 6)
+    truth = confusion_arms.write_logs(trial, tmp_path / "logs", length, 0)["effects"]
     about = truth[0]["parameters"]
     assert np.hypot(about["about_y"], about["about_z"]) == pytest.approx(truth[0]["strength"])
     assert truth[1]["parameters"].keys() == {"fraction", "time"}
     assert len(read_session(tmp_path / "logs" / "session_02.parquet")) == 6
     assert not list(tmp_path.glob("*.truth.json"))
     laws = {"outside_force", "sticking_joint", "load_ripple"}
-    assert set(source.outside) == laws | set(ACCIDENTS)
+    assert set(confusion_arms.OUTSIDE_EFFECTS) == laws | set(ACCIDENTS)
 
 
 @pytest.mark.parametrize("name", [*ACCIDENTS, "outside_force", "sticking_joint", "load_ripple"])
@@ -144,14 +113,14 @@ def faked(monkeypatch):
         name = logs.parent.name.rsplit("-", 1)[0]
         calls.append(name)
         assert len(list(logs.glob("session_*.parquet"))) == 2
-        assert not set(confusion_outside.OUTSIDE) & set(CATALOGUE)
         print("talk")
         if name == "sticking_joint":
             raise SerpentError("it does not converge.")
         if name in CATALOGUE:
             first = next(iter(effects.ranges(by_name(name))))
-            return diagnosis([(name, {first: estimate(0.0, -1e6, 1e6)})])
-        return diagnosis(unexplained=name in confusion_outside.OUTSIDE)
+            found = {first: estimate(0.0, -1e6, 1e6)}
+            return diagnosis([(name, found)]) | {"calibration": {}}
+        return diagnosis(unexplained=name in confusion_arms.OUTSIDE_EFFECTS) | {"calibration": {}}
 
     monkeypatch.setattr(confusion_trial, "trace", fake)
     monkeypatch.setattr(
@@ -165,14 +134,16 @@ def test_a_run_goes_on_where_it_stopped(faked, tmp_path, capsys):
     confusion.main(config)
     assert len(faked) == 4
     confusion.main(replace(config, trials=0))
-    size = 2 + len(CATALOGUE) + len(confusion_outside.OUTSIDE) + 1
+    size = 2 + len(confusion_arms.KNOWN_EFFECTS) + len(confusion_arms.OUTSIDE_EFFECTS) + 1
     assert len(faked) == len(set(faked)) + 1 == size  # clean arms have one name
     said = capsys.readouterr().out
     assert "talk" not in said and "1 failed" in said
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert results["failed"] == {"sticking_joint-00": "it does not converge."}
     assert results["named_right"]["share"] == 1.0
-    assert results["outside_called_unexplained"]["of"] == 3
+    assert results["outside_called_unexplained"]["of"] == size - 4 - len(
+        confusion_arms.KNOWN_EFFECTS
+    )
     assert results["pairs_right"]["count"] == 0
     assert results["interval_holds"]["all"]["share"] == 1.0
     kept = [path.parent.name for path in (tmp_path / "out" / "trials").glob("*/logs")]
@@ -208,11 +179,12 @@ def arms(tmp_path, monkeypatch):
     heavy = TwinModel().with_effect(by_name("payload")(0.15))
     quiet = replace(heavy.parameters, marker_noise=1e-4, strand_stiffness=4e3)
     built, calls = replace(heavy, parameters=quiet), []
-    for arm in ("arm_x", "arm_y"):
-        folder = tmp_path / "logs" / arm
+    for name in ("arm_x", "arm_y"):
+        folder = tmp_path / "logs" / name
         folder.mkdir(parents=True)
         for number in (1, 2):
-            log = confusion_arms.simulated(built, number, 60, rng)
+            arm = SimulatedArm.of(Twin(built), built.parameters, *rng.spawn(2))
+            log = arm.session(random_targets(60, rng), 4.0, {"arm": name, "session": number})
             write_session(folder / f"session_{number:02d}.parquet", log)
 
     def fake(config):

@@ -27,7 +27,7 @@ from experiments.stiffness_sweep.plan import (
     natural_period,
     quick,
 )
-from experiments.stiffness_sweep.result_page import grid_table
+from experiments.stiffness_sweep.result_page import grid_table, result_page
 from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, correlation, over_seeds, trend
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.reservoir.sweep import drive
@@ -231,19 +231,6 @@ def test_a_page_shows_what_was_measured_and_what_failed():
         "twin_pose_mm": mm, "memory": memory, "twin_memory": memory,
     }  # fmt: skip
     found = answering.answers(sweep)
-    page = stiffness_sweep.page(sweep, found, {"arm_x": arm}, None, {})
-    assert f"Of {len(found)} expectations 7 confirmed (" in page.lead
-    assert "from 0.1 to 10.0 mm" in page.lead  # of the seeds that could be measured
-    titles = [section.title for section in page.sections]
-    assert "What could not be measured" in titles and "Logged arms" in titles
-    assert all(answer.why in page.sections[1].text for answer in found)
-    drawn = {
-        block.name
-        for section in page.sections
-        for block in section.blocks
-        if hasattr(block, "name")
-    }
-    assert drawn == FIGURES - {"transfer"} | {"arms_memory"}
     besides = {name: [row.numbers() for row in of] for name, of in sweep.items() if name != GRID}
     results = {
         "table": [row.numbers() for row in sweep[GRID]], "besides": besides, "arms": {"arm_x": arm},
@@ -251,8 +238,20 @@ def test_a_page_shows_what_was_measured_and_what_failed():
         "settings": {"plan": {"steps": 600}}, "date": "2026-11-23", "git_commit": "abc",
         "versions": {}, "measured_by": "experiments.stiffness_sweep",
     }  # fmt: skip
+    page = result_page(json.loads(json_text(results)))
+    assert f"Of {len(found)} expectations 7 confirmed (" in page.lead
+    assert "from 0.1 to 10.0 mm" in page.lead  # of the seeds that could be measured
+    titles = [section.title for section in page.sections]
+    assert "What could not be measured" in titles and "Logged arms" in titles
     written = markdown(json.loads(json_text(results)))
     assert page.lead in written and all(answer.why in written for answer in found)
+    drawn = {
+        block.name
+        for section in page.sections
+        for block in section.blocks
+        if hasattr(block, "name")
+    }
+    assert drawn == FIGURES - {"transfer"} | {"arms_memory"}
 
 
 # what is simulated

@@ -95,8 +95,8 @@ def test_an_error_that_follows_nothing_leaves_a_doubt():
     large = {**sure.error, "expected": sure.error["corrected"] / 1.8}
     doubtful = replace(sure, error=large)
     assert "1.8 × what a twin that lacks nothing leaves (" in doubtful.doubt
-    assert "nothing was found missing" in doubtful.sentence() and doubtful.doubt in lead(doubtful)
-    assert "nothing is missing" in sure.sentence() and not sure.doubt
+    assert "Nothing was found missing" in lead(doubtful) and doubtful.doubt in lead(doubtful)
+    assert "Nothing is missing" in lead(sure) and not sure.doubt
     assert not replace(doubtful, unexplained=REST).doubt
     assert not diagnosis(markers=False).doubt
 
@@ -138,8 +138,8 @@ def test_effects_are_described_as_the_candidates_that_they_are():
     assert "It shows in the torque of every motor" in section.text
     assert "link flex (rejected)" in section.text
     mass, place, tilt = section.blocks[0].rows
-    assert mass == ("payload", "mass", "0.0342", "0.0311 … 0.0373", "kg", "2.50", "1.20", "0.0001")
-    assert place[:5] == ("", "place", "0.09", "", "m") and tilt[2] == "−0.03"
+    assert mass == ("Payload", "mass", "0.0342", "0.0311 … 0.0373", "kg", "2.50", "1.20", "1e-04")
+    assert place[:5] == ("", "place", "0.09", "given", "m") and tilt[2] == "−0.03"
     assert "What was missing" not in sections(diagnosis())
 
 
@@ -255,9 +255,9 @@ def test_diagnosis_json_holds_whiteness_and_identifiability():
 
 
 def test_a_stand_in_is_no_cause_and_the_page_says_so():
-    """Named as what comes nearest, in the sentence and in the lead, and never among the effects."""
+    """Named as what comes nearest, in the lead, and never among the effects."""
     found = diagnosis(stand_ins=(TILT,), unexplained=Unexplained(True, 0.9, "It swings."))
-    assert "no known effect explains it; nearest comes base_tilt" in found.sentence()
+    assert "Nearest comes base tilt" in lead(found)
     told = "\n".join(section.text for section in sections(found).values())
     assert "as a stand-in" in lead(found) and "is a stand-in" in told
     numbers = found.numbers(1.0, 0.5)
@@ -269,7 +269,6 @@ def test_rivals_that_nothing_tells_apart_are_alternatives():
         "base_tilt": (Rival("payload", 0.97, 0.01, 0.4), Rival("constant_force", 0.9, 0.3, 1e-4))
     }
     found = diagnosis(effects=(TILT,), rivals=rivals)
-    assert "these logs cannot tell it from payload" in found.sentence()
     section = sections(found)["What looks alike"]
     assert "cannot tell what was found from payload: the names are alternatives" in section.text
     (table,) = section.blocks
@@ -281,17 +280,16 @@ def test_a_parameter_that_is_not_as_built_is_no_success():
         "winch of motor 3", "winch radius, motor 3", 17.4, 16.0, "mm", 14.4, {"payload": 0.8}
     )
     found = diagnosis(moved=(winch,))
-    said = found.sentence()
-    assert "nothing was found missing" in said and "nothing is missing" not in said
+    said = lead(found)
+    assert "Nothing was found missing" in said and "Nothing is missing" not in said
     assert "winch radius, motor 3 is 17.4 mm where 16 is expected, 14.4 × its tolerance" in said
     assert "may stand for payload" in said
     assert any("17.4" in row[2] for row in sections(found)["Calibration"].blocks[0].rows)
 
 
 def test_nothing_missing_is_said_with_the_power_it_had():
-    nothing = diagnosis()
-    for said in (nothing.sentence(), lead(nothing)):
-        assert "Would have been found, from that strength on: mocap latency of 0.004 s" in said
-        assert "At no strength within its range: " in said
+    said = lead(diagnosis())
+    assert "Would have been found, from that strength on: mocap latency of 0.004 s" in said
+    assert "At no strength within its range: " in said
     assert not diagnosis(effects=(PAYLOAD,)).power
     assert not diagnosis(unexplained=REST).power

@@ -132,7 +132,7 @@ def test_figures_of_a_residual_are_legible(sessions, off):
     drawn = [*of_residual(compared, found["corrected"]), of_trace.by_feature(twins, "of_both"),
              of_trace.place_and_time(twins)]  # fmt: skip
     told = {each.name: wrong(each.drawing) for each in drawn}
-    assert {name: each for name, each in told.items() if each} == {} and len(told) == 8
+    assert {name: each for name, each in told.items() if each} == {} and len(told) == 6
 
 
 def lasting(one, sessions):

@@ -10,6 +10,7 @@ from made_diagnosis import diagnosis
 from residual_cases import LOAD_NOISE, NOISE, made
 
 from serpent_twin.identification import page, tables
+from serpent_twin.identification.summary import summary
 from serpent_twin.residual import analyse, describe
 from serpent_twin.residual.figures import figures
 from serpent_twin.residual.noise import in_words, measurement_noise
@@ -59,7 +60,8 @@ def test_the_traces_page_table_and_sentence():
     unknown = ERRORS | {"noise_floor": float("nan")}
     told = diagnosis(error=unknown, load_error=unknown)
     assert "what noise alone makes is unknown: too few rows" in page.lead(told)
-    assert "unknown: too few rows)" in told.sentence() and "nan" not in told.sentence()
+    said = summary(told, {})
+    assert "unknown: too few rows)" in said and "nan" not in said
     table = tables.errors(told)
     assert table.header == ("twin", "markers [mm]", "loads [% of stall]")
     assert table.rows[-1] == ("noise alone", "–", "–")

@@ -138,7 +138,7 @@ def test_short_adjacent_segments_are_tested_as_long_ones():
     one, other = (whiteness(each).channels[0] for each in (whole, short))
     np.testing.assert_allclose(other.autocorrelation[:9], one.autocorrelation[:9], atol=0.02)
     apart = short.segments(np.arange(256) % 32 != 31)  # every 32nd is lost
-    joined = apart.joined()
+    joined = apart.joined
     assert joined.time.shape == (8, 31 * 8)
     np.testing.assert_allclose(np.diff(joined.time, axis=1), PERIOD)
-    assert short.joined().time.shape == (8, 256) and whole.joined() is whole
+    assert short.joined.time.shape == (8, 256) and whole.joined is whole

@@ -28,9 +28,11 @@ _LEAST_PLAY = 1e-4
 _SLOWER = 8.0
 """Range of a time constant to what the screening found"""
 _OTHER_SHAPE = 0.75
-"""Of what a law is worth, what another shape of it must be to be tried, too"""
+"""Another shape of a law is tried, too, if it is worth at least this fraction of what the law is worth"""
 _NEARLY = 0.95
-"""Of what a law removes that follows something, what a constant in its place must"""
+"""A constant replaces a law that follows a reading if it removes at least this fraction of what the law
+removes
+"""
 _SIZES = ("size", "size_y", "size_z", "stiffness")
 _ALONG = ("size_x", "size_y", "size_z", "stiffness")
 FORM = len(_SIZES)
@@ -107,7 +109,9 @@ def _remade(case: Case[Any], name: str, values: Array) -> Candidate:
 
 
 def _sizes(found: Composed, units: Mapping[str, str]) -> dict[str, Range]:
-    """Of a vector, all components have the range of its length; of a spring, its stiffness has its own."""
+    """Ranges of a law's sizes: all components of a vector have the range of its length, and a spring's
+    stiffness has its own.
+    """
     handle, components = HANDLES[found.law.handle], len(found.size)
     out = {}
     for n, name in enumerate(_ALONG if components > 1 else _SIZES):
@@ -161,8 +165,8 @@ def _room(name: str, value: float, ends: _Reading) -> tuple[float, float, float]
 
 
 def _simplest(found: Sequence[Composed]) -> list[Composed]:
-    """Those without laws that follow something, where a constant in their place removes nearly as much: what
-    is left of that may be the error of a first order.
+    """Drop laws that follow a reading where a constant in their place removes nearly as much: the
+    difference may be an error of the first order.
     """
     constant = {(one.law.handle, one.law.place): one.gain for one in found if not one.law.reading}
     return [
@@ -190,9 +194,10 @@ def distinct(found: Sequence[Composed], most: int) -> list[Composed]:
 
 
 def resembling_at_first(one: Composed, found: Sequence[Composed]) -> list[Composed]:
-    """Of laws that make the same change: those by another reading of a thing, which first order cannot
-    distinguish, and the best of another shape, if that removes nearly as much. Of one that holds until an
-    instant, the one from then on: a calibration without it may have taken the later state for what was built.
+    """Laws with the same change that first order cannot distinguish from one: by another reading of the
+    same part, and the best of another shape if that removes nearly as much. For a law that holds until an
+    instant, also the law from then on: a calibration without it may have taken the later state for what was
+    built.
     """
     if not one.law.follows_a_thing:
         return [one.shapes["above"]] if one.law.shape == "under" and "above" in one.shapes else []

@@ -12,7 +12,7 @@ PER_PARAMETER = 8.0
 APART = 9.0
 """Two laws are distinguished if one removes more than the other by this many squared standard errors"""
 _NEARLY = 0.9
-"""And, to first order, if the other removes less than this share: first order is no more exact"""
+"""Two laws are distinguished to first order only if one removes less than this fraction of the other"""
 _STEPS = ("above", "under", "within")
 
 
@@ -22,13 +22,13 @@ class Composed:
 
     law: Law
     size: Array
-    """Of each component"""
+    """Size of each component"""
     first: float
     second: float
     gain: float
     """Twice the logarithm of the likelihood ratio, where the noise is what would be left [1]"""
     share: float
-    """Of the residual's squares [1]"""
+    """Share of the residual's squares [1]"""
     alone: bool = False
     """Whether it shows in one sensor alone"""
     declared: bool = False
@@ -40,7 +40,7 @@ class Composed:
 
     @property
     def alike(self) -> dict[str, tuple[float, float]]:
-        """Of a step or window: the numbers of other such shapes that first order cannot distinguish."""
+        """Numbers of other steps or windows that first order cannot distinguish from this one."""
         if self.law.shape not in _STEPS:
             return {}
         near = {name: one for name, one in self.shapes.items() if name in _STEPS}

@@ -29,12 +29,14 @@ WORTH = 30.0
 is left, held-out logs decide, which took no part in the search.
 """
 _BY_TORQUES = 4
-"""And of those that missing torques show, where much is left: then the pose is no linear answer"""
+"""Laws by missing torques that are kept, where much is left: then the pose does not respond linearly"""
 _SHARE = 0.015
-"""Of the residual's squares that it must remove: of an arm that lacks nothing, the best removes 0.009"""
+"""A law must remove at least this share of the residual's squares: on an arm that lacks nothing, the best
+law removes 0.009
+"""
 _SENSOR = 0.0015, 25.0
-"""The same of a law that shows in one sensor alone, and what it must be worth: of an arm that lacks nothing,
-the best removes 0.002 and is worth 10
+"""Least share, and least worth, of a law that shows in one sensor alone: on an arm that lacks nothing, the
+best removes 0.002 and is worth 10
 """
 
 

@@ -20,7 +20,7 @@ _KNOTS = 8
 _UNSETTLED = 30.0
 """Squared standard errors by which the free curve must be better for the law to be unsettled"""
 _ALIKE = 0.03
-"""Of the law, within which the free curve settles it all the same: first order is not more exact"""
+"""The free curve confirms a law within this fraction of it: first order is not more exact"""
 _FINE = 200
 
 
@@ -30,7 +30,7 @@ class FreeCurve:
 
     law: Law
     units: Mapping[str, str]
-    """Of its numbers"""
+    """Units of the law's numbers"""
     knots: Array
     """Values of the reading; of a periodic law, of its phase [rad]; of play and lag, of how far what the
     reading drags along is behind, (8,)
@@ -38,7 +38,7 @@ class FreeCurve:
     free: Array
     """The free curve there, in the unit of what is changed, (8,)"""
     error: Array
-    """Its standard errors, (8,)"""
+    """Standard errors of the free curve, (8,)"""
     reading: Array
     """Finer values of the reading, (K,)"""
     fitted: Array

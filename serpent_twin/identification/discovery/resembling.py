@@ -32,7 +32,7 @@ def of_shape(name: str, several: Iterable[Candidate]) -> list[Candidate]:
 
 
 def elsewhere(candidate: Candidate, found: Fit) -> list[Candidate]:
-    """Of a law that acts on a body, the same law with its fitted numbers on every other one."""
+    """A law that acts on a body, with its fitted numbers, on every other body."""
     law = parse(place_of(candidate.name))
     if HANDLES[law.handle].kind != _BODY:
         return []
@@ -51,7 +51,9 @@ def elsewhere(candidate: Candidate, found: Fit) -> list[Candidate]:
 
 
 def turned(candidate: Candidate, values: Array) -> Candidate | None:
-    """Of a step, the law that holds where it does not, with the opposite sizes; None of other effects."""
+    """The complement of a step: the law that holds where the step does not, with opposite sizes; None for
+    other effects.
+    """
     law = composed_law(candidate.name)
     if not law or law.shape not in _TURNED:
         return None

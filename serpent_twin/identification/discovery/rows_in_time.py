@@ -30,7 +30,7 @@ class RowsInTime:
 
     @classmethod
     def among(cls, readings: Mapping[tuple[str, str], Array]) -> Self:
-        """Those in which readings (S, T) were taken."""
+        """Rows in which readings (S, T) were taken."""
         if _TIME not in readings or not any(name in _RATES for name, _ in readings):
             return cls()
         period = float(np.median(np.diff(readings[_TIME], axis=1)))

@@ -54,9 +54,9 @@ _TIMES = (("time", "session"), ("runtime", "machine"))
 _MOST = 0.99
 """Share of the residual's squares that a law is taken to remove at most"""
 _SAME = 1e-3
-"""Of a change's squares, below which declared parameters do the same"""
+"""Below this share of its squares beyond the declared parameters, a change counts as theirs"""
 _ROUNDING = 1e-14
-"""Of the greatest eigenvalue of an information matrix, what may be rounding"""
+"""Eigenvalues of an information matrix below this fraction of the greatest may be rounding"""
 
 
 def screened(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> list[Composed]:
@@ -105,7 +105,7 @@ class Search:
 
     @classmethod
     def of(cls, case: Case[Any], pieces: Any, fit: Fit, places: Places) -> Self:
-        """That of a fit, by the segments that it used."""
+        """The search beside a fit, on the segments that the fit used."""
         scale = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
         residual = fit.residual.reshape(scale.shape)
         return cls(residual, scale, Information.of(case, fit), places.readings, places.starts)
@@ -150,7 +150,7 @@ class Search:
         return [from_then_on(each) for each in kept]
 
     def _possible(self, response: Response) -> NDArray[np.bool_]:
-        """Of each kind of the usual ways, whether a place may change so."""
+        """Whether a place may change in each of the usual ways."""
         laws = (Law(response.handle, response.place, *kind) for kind in self._kinds)
         return np.array([law.possible for law in laws])
 
@@ -244,7 +244,7 @@ def _first_few(found: Sequence[Composed]) -> list[Composed]:
 
 
 def _best_shapes(several: Sequence[Way], gain: Array) -> dict[tuple[str, str], dict[str, int]]:
-    """Of each reading, the number of the way that gains most in each shape."""
+    """Index of the way that gains most in each shape, for each reading."""
     out: dict[tuple[str, str], dict[str, int]] = {}
     for n in np.argsort(gain, kind="stable"):
         out.setdefault((several[n].reading, several[n].where), {})[several[n].shape] = int(n)

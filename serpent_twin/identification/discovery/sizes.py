@@ -10,7 +10,7 @@ from serpent_twin.identification.discovery.followed import Way
 from serpent_twin.identification.discovery.sums import Sums
 
 FLAT = 1e-4
-"""Of a change's squares, what the free parameters leave at least"""
+"""The free parameters leave at least this share of a change's squares"""
 
 
 def solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:

@@ -45,7 +45,7 @@ class StuckJoint:
 
     @property
     def told(self) -> str:
-        """In a sentence."""
+        """Describe the joint that stands still in a sentence."""
         return (
             f"{self.joint} often stands still between {self.low:.2f} and {self.high:.2f} rad, where the "
             "twin's turns: something holds it there.".replace("-", "−")

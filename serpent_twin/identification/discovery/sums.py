@@ -12,7 +12,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.places import LaggedResponse, Response
 
 _SAME = 1e-6
-"""Of changes by two states, below which they are one"""
+"""Relative difference below which changes by two states count as one"""
 _AT_ONCE = 2e7
 """Numbers of the changes of some ways that are held at once"""
 
@@ -22,10 +22,10 @@ class ResidualRows:
     """A residual of N rows, and what free parameters take up of it."""
 
     left: Array
-    """Of the residual, beyond the free parameters, (N, C)"""
+    """Residual beyond the free parameters, (N, C)"""
     slopes: Array
-    """Its derivative by combinations of the free parameters whose posterior covariance is the unit matrix,
-    (M, N, C)
+    """Derivative of the residual by combinations of the free parameters whose posterior covariance is the
+    unit matrix, (M, N, C)
     """
     scale: Array
     """One over the noise, 0 where nothing was measured, (S, T, C)"""
@@ -75,7 +75,7 @@ class Changes:
 
     @cached_property
     def squares(self) -> Array:
-        """Of each change, in each row, (W, N)."""
+        """Square of each change in each row, (W, N)."""
         return self.rows**2
 
     @cached_property
@@ -86,7 +86,7 @@ class Changes:
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Of W changes of a place with d components."""
+    """Sums over rows for W changes of a place with d components."""
 
     pulls: Array
     """Products with the residual, (W, d)"""
@@ -98,12 +98,12 @@ class Sums:
     """Products with the slopes of the residual's rows, (d, W, M)"""
 
     def __getitem__(self, which: NDArray[np.intp]) -> "Sums":
-        """Those of some changes, in their order; of each that stays beside its next one, that product."""
+        """Sums of some changes, in their order, with the product of each pair that stays adjacent."""
         beside = self.beside[which[:-1]]
         return Sums(self.pulls[which], self.raw[which], beside, self.taken[:, which])
 
     def then(self, others: "Sums") -> "Sums":
-        """These, and others of the same place after them."""
+        """These sums followed by those of other changes of the same place."""
         of_two = np.zeros((1, *self.raw.shape[1:]))  # the last of these and the first of the others
         return Sums(
             np.concatenate([self.pulls, others.pulls]),
@@ -135,7 +135,7 @@ def shown(rows: ResidualRows, response: Response) -> ShownChanges:
 
 
 class _ShownAtOnce(ShownChanges):
-    """Of what shows in its row alone: with the changes' squares and products, row by row."""
+    """Sums for a change that shows in its own row alone, from squares and products row by row."""
 
     def __init__(self, rows: ResidualRows, response: Response) -> None:
         R = rows.weighed(response.change)
@@ -161,7 +161,7 @@ class _ShownAtOnce(ShownChanges):
 
 
 class _ShownLater(ShownChanges):
-    """Of what goes on from row to row."""
+    """Sums for a change that propagates from row to row."""
 
     def __init__(self, rows: ResidualRows, response: LaggedResponse) -> None:
         self._rows, self._response = rows, response

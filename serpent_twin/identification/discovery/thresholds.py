@@ -55,7 +55,7 @@ def better_thresholds(
 
 
 def _finely(law: Law, first: float, second: float, x: Array) -> list[Way]:
-    """The same law with a threshold at each of many ranks of its reading; of a window, either end."""
+    """A law with its threshold, or either end of its window, at each of many ranks of its reading."""
     levels = np.unique(np.quantile(x, np.linspace(HELD, 1 - HELD, _RANKS))).tolist()
 
     def way(first: float, second: float) -> Way:

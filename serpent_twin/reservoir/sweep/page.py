@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Report, Section, Table
+from serpent_twin.reporting.report import Report, Section, Table, versions_text
 from serpent_twin.reservoir.sweep import figures
 from serpent_twin.reservoir.sweep.figures import AXES, RIGID
 from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, readouts
@@ -90,8 +90,7 @@ def facts(table: Mapping[str, Any]) -> dict[str, str]:
     """The origin of the points."""
     origin = table["provenance"]
     told = {name: str(value) for name, value in origin["measuring"].items() if value is not None}
-    told["commit"] = str(origin["git_commit"])
-    return told | {"versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items())}
+    return told | {"commit": str(origin["git_commit"]), "versions": versions_text(origin)}
 
 
 def _varied(rows: Sequence[SweepRow]) -> list[str]:

@@ -76,25 +76,29 @@ class SweepRow:
 
     def numbers(self) -> dict[str, Any]:
         """All of it, as the results.json of an experiment has it; `row_from` reads it again."""
-        return {
-            "stiffness_n_m": self.stiffness if np.isfinite(self.stiffness) else None,
-            "slack_m": self.slack,
-            "damping_n_m_s_per_rad": self.damping,
-            "rate_hz": self.rate,
-            "amplitude_rad": self.amplitude,
-            "load_noise": self.load_noise,
-            "seed": self.seed,
-            "capacity_by_degree": finite(self.capacity),
-            "useful_by_degree": finite(self.useful),
-            "useful_by_degree_noiseless": finite(self.noiseless),
-            "memory_by_delay": finite(self.memory),
-            "mean_delay_steps": finite(self.mean_delay),
-            "forgetting_per_s": finite(self.forgetting),
-            "consistency": finite(self.consistency),
-            "marker_overlap": finite(self.overlap),
-            "pose_mm": finite(self.pose_mm),
-            "failed": self.failed,
-        }
+        return {key: finite(getattr(self, name)) for name, key in _KEYS.items()}
+
+
+_KEYS = {
+    "stiffness": "stiffness_n_m",
+    "slack": "slack_m",
+    "damping": "damping_n_m_s_per_rad",
+    "rate": "rate_hz",
+    "amplitude": "amplitude_rad",
+    "load_noise": "load_noise",
+    "seed": "seed",
+    "capacity": "capacity_by_degree",
+    "useful": "useful_by_degree",
+    "noiseless": "useful_by_degree_noiseless",
+    "memory": "memory_by_delay",
+    "mean_delay": "mean_delay_steps",
+    "forgetting": "forgetting_per_s",
+    "consistency": "consistency",
+    "overlap": "marker_overlap",
+    "pose_mm": "pose_mm",
+    "failed": "failed",
+}
+"""A row's names in JSON, with units"""
 
 
 def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -> SweepRow:
@@ -125,26 +129,18 @@ def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -
 
 def row_from(numbers: Mapping[str, Any]) -> SweepRow:
     """The row whose `numbers` these are."""
-    stiffness = numbers["stiffness_n_m"]
-    return SweepRow(
-        stiffness=np.inf if stiffness is None else stiffness,
-        slack=numbers["slack_m"],
-        damping=numbers["damping_n_m_s_per_rad"],
-        rate=numbers["rate_hz"],
-        amplitude=numbers["amplitude_rad"],
-        load_noise=numbers["load_noise"],
-        seed=numbers["seed"],
-        capacity=_numbers(numbers["capacity_by_degree"]),
-        useful=_numbers(numbers["useful_by_degree"]),
-        noiseless=_numbers(numbers["useful_by_degree_noiseless"]),
-        memory=_numbers(numbers["memory_by_delay"]),
-        mean_delay=_number(numbers["mean_delay_steps"]),
-        forgetting=_number(numbers["forgetting_per_s"]),
-        consistency=_number(numbers["consistency"]),
-        overlap=_number(numbers["marker_overlap"]),
-        pose_mm={name: _number(mm) for name, mm in numbers["pose_mm"].items()},
-        failed=numbers["failed"],
-    )
+    row = {name: _known(numbers[key]) for name, key in _KEYS.items()}
+    rigid = numbers["stiffness_n_m"] is None
+    return SweepRow(**row | ({"stiffness": np.inf} if rigid else {}))
+
+
+def _known(value: Any) -> Any:
+    """What JSON holds, with NaN in place of null and arrays in place of lists."""
+    if isinstance(value, list):
+        return np.array([_known(each) for each in value])
+    if isinstance(value, Mapping):
+        return {name: _known(each) for name, each in value.items()}
+    return np.nan if value is None else value
 
 
 def _degrees(of: Mapping[str, Any]) -> Array:
@@ -155,30 +151,14 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def _numbers(of: Sequence[float | None]) -> Array:
-    return np.array([_number(each) for each in of])
-
-
 def values(rows: Sequence[SweepRow], value: Callable[[SweepRow], float]) -> Array:
     """A number of every row by slack, stiffness and seed, ascending, (L, K, S); NaN where there is none."""
-    axes = [sorted({at(row) for row in rows}) for at in (_slack, _stiffness, _seed)]
+    where = [(row.slack, row.stiffness, row.seed) for row in rows]
+    axes = [sorted(set(axis)) for axis in zip(*where, strict=True)]
     found = np.full([len(axis) for axis in axes], np.nan)
-    for row in rows:
-        where = _slack(row), _stiffness(row), _seed(row)
-        found[tuple(axis.index(at) for axis, at in zip(axes, where, strict=True))] = value(row)
+    for row, at in zip(rows, where, strict=True):
+        found[tuple(axis.index(each) for axis, each in zip(axes, at, strict=True))] = value(row)
     return found
-
-
-def _slack(row: SweepRow) -> float:
-    return row.slack
-
-
-def _stiffness(row: SweepRow) -> float:
-    return row.stiffness
-
-
-def _seed(row: SweepRow) -> int:
-    return row.seed
 
 
 def readouts(rows: Sequence[SweepRow]) -> list[str]:
