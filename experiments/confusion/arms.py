@@ -48,8 +48,8 @@ def truth_of(name: str, parameters: dict[str, float], strength: float) -> Truth:
     return {
         "name": name,
         "variant": _variant(kind, parameters) if kind else "",
-        "parameters": parameters,
-        "strength": strength,
+        "parameters": {each: float(value) for each, value in parameters.items()},
+        "strength": float(strength),
         "unit": next(iter(ranges(kind).values())).unit if kind else _UNITS.get(name, "1"),
         "strong": list(strengths(ranges(kind))) if kind else [],
     }

@@ -184,7 +184,9 @@ def arms(tmp_path, monkeypatch):
         folder.mkdir(parents=True)
         for number in (1, 2):
             arm = SimulatedArm.of(Twin(built), built.parameters, *rng.spawn(2))
-            log = arm.session(random_targets(60, rng), 4.0, {"arm": name, "session": number})
+            log = arm.session(
+                random_targets(60, rng), 4.0, {"backend": "sim", "arm": name, "session": number}
+            )
             write_session(folder / f"session_{number:02d}.parquet", log)
 
     def fake(config):
