@@ -50,16 +50,39 @@ def _stranger(name: str) -> FrozenCase:
     return FrozenCase(name, (*words, "--no-discover"), logs=folder)
 
 
-def _arm(name: str, logs: str, *options: str) -> FrozenCase:
+def _arm(name: str, folder: str, *options: str) -> FrozenCase:
     """An arm, the beginnings of two sessions."""
+    words = ("trace", "--logs", "{inputs}/logs", *options)
+    return FrozenCase(name, words, _shortened(folder, ("session_0[12].*",), 480), folder)
 
-    def shortened(shared: Path, folder: Path) -> None:
-        (folder / "logs").mkdir()
-        for n in range(1, 3):
-            table = pq.read_table(Path(logs.format(shared=shared)) / f"session_{n:02d}.parquet")
-            pq.write_table(table[:_ROWS], folder / "logs" / f"session_{n:02d}.parquet")
 
-    return FrozenCase(name, ("trace", "--logs", "{inputs}/logs", *options), shortened, logs)
+def _machine(
+    name: str, patterns: Sequence[str], rows: int, judge: str, *options: str
+) -> FrozenCase:
+    """A measured machine, the beginnings of some of its files."""
+    words = ("trace", "--logs", "{inputs}/logs", "--judge", judge, "--no-discover")
+    machine = options or ("--machine", f"{{machine}}/{name}.toml")
+    folder = f"{{shared}}/measured/{name}"
+    return FrozenCase(name, (*words, *machine), _shortened(folder, patterns, rows), folder)
+
+
+def _shortened(source: str, patterns: Sequence[str], rows: int) -> Callable[[Path, Path], None]:
+    """The first rows of some files, so that a trace is short; a model as it is."""
+
+    def copied(shared: Path, folder: Path) -> None:
+        logs = folder / "logs"
+        logs.mkdir()
+        home = Path(source.format(shared=shared))
+        for path in [path for pattern in patterns for path in home.glob(pattern)]:
+            if path.suffix == ".xml":
+                shutil.copy(path, folder)
+            elif path.suffix == ".csv":
+                lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+                (logs / path.name).write_text("".join(lines[: rows + 1]), encoding="utf-8")
+            else:
+                pq.write_table(pq.read_table(path)[:rows], logs / path.name)
+
+    return copied
 
 
 def _bench_arm(fault: str, seed: int) -> FrozenCase:
@@ -90,49 +113,24 @@ def _public(name: str, fault: str) -> FrozenCase:
     return FrozenCase(f"{name}_{fault.partition('@')[0]}", words, recorded)
 
 
-_MEASURED = {
-    "xl330": ("kp100_*", "kp200_*"),
-    "jaw": ("tool_4_[0134]0.*", "tool_4_[02]1.*", "tool_4_12.*"),
-    "trunk": ("controlled_*",),
-    "opencr": ("v4*",),
-}
-"""Which files of each machine are taken, so that a trace is short"""
-
-
-def _measured(shared: Path, folder: Path) -> None:
-    """Some files of a measured machine."""
-    (folder / "logs").mkdir()
-    for pattern in _MEASURED[folder.name]:
-        for path in (shared / "measured" / folder.name).glob(pattern):
-            shutil.copy(path, folder if path.suffix == ".xml" else folder / "logs")
-
-
-def _machine(name: str, judge: str, *options: str) -> FrozenCase:
-    """A measured machine, some of its files."""
-    words = ("trace", "--logs", "{inputs}/logs", "--judge", judge, "--no-discover")
-    machine = options or ("--machine", f"{{machine}}/{name}.toml")
-    return FrozenCase(name, (*words, *machine), _measured, f"{{shared}}/measured/{name}")
-
-
 _COLLECT = ("collect", "--sessions", "1", "--steps", "60", "--seed", "1")
 CASES = (
     FrozenCase("collect", _COLLECT),
     FrozenCase("collect_arm_a", (*_COLLECT, "--twin", "data/arm_a_trace/twin.json")),
     _public("pendulum", "torque_saturation@torque"),
-    _arm("arm_b", "{shared}/logs/arm_b"),
-    _arm("arm_c", "{shared}/logs/arm_c"),
-    _machine("xl330", "kp200_*"),
     _public("leg", "payload@bfoot"),
+    _machine("xl330", ("kp100_sin_sin.*", "kp100_l*", "kp200_sin_t*"), 900, "kp200_*"),
+    _machine("trunk", ("controlled_*",), 2000, "controlled_2.*", "--rig", "trunk"),
+    _machine("jaw", ("tool_4_10.*", "tool_4_32.*", "tool_4_12.*"), 2000, "tool_4_12.*"),
     _stranger("pan_tilt"),
     _arm("data_arm_a", str(ROOT / "data" / "arm_a"), "--no-discover"),
-    _machine("jaw", "tool_4_12.*"),
+    _arm("arm_b", "{shared}/logs/arm_b"),
+    _arm("arm_c", "{shared}/logs/arm_c"),
+    _machine("opencr", ("v4*",), 660, "rep1_seg3_*"),
     _arm("arm_d", "{shared}/logs/arm_d"),
-    _machine("trunk", "controlled_2.*", "--rig", "trunk"),
-    _machine("opencr", "rep1_pair23_*"),
     _arm("arm_k", "{shared}/logs/arm_k", "--no-discover"),
-    _bench_arm("cable_stiffening", 3),
     _stranger("scara"),
-    _bench_arm("sticking_joint", 4),
+    _bench_arm("cable_stiffening", 3),
 )
 """The cheapest first"""
 

@@ -11,20 +11,23 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from benchmarks.frozen_cases import ROOT, processor_time
+from benchmarks.frozen_cases import ROOT, FrozenCase, find, run
 from benchmarks.rows import BenchmarkRows
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored import within
 
-_STEPS = Path(__file__).with_name("step_times.py")
+_STEPS = "benchmarks/step_times.py"
+_EARLIER_STEPS = "9f0afe0"
+"""The commit whose step_times.py measures the earlier tree: functions that it calls have changed since"""
 _SHARED = ROOT.parent / "shared"
 
 
@@ -45,57 +48,58 @@ class TraceSpeed(Checked):
 
 
 def checked_out(commit: str, folder: Path) -> Path:
-    """The files of a commit, in a folder."""
-    done = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True)
-    if done.returncode:
-        raise SerpentError(f"there is no commit {commit} here: {done.stderr.decode().strip()}")
-    with tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
+    """The files of a commit, in a folder, with a script that measures them."""
+    with tarfile.open(fileobj=io.BytesIO(_git("archive", commit))) as archive:
         archive.extractall(folder, filter="data")
+    (folder / _STEPS).write_bytes(_git("show", f"{_EARLIER_STEPS}:{_STEPS}"))
     return folder
 
 
-def steps(tree: Path, machine: tuple[str, ...]) -> dict[str, float]:
+def _git(*words: str) -> bytes:
+    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True)
+    if done.returncode:
+        raise SerpentError(f"git {' '.join(words)} failed here: {done.stderr.decode().strip()}")
+    return done.stdout
+
+
+def steps(tree: Path, words: Sequence[str]) -> dict[str, float]:
     """Processor time [s] of a residual and of a derivative."""
     environment = os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
-    words = [sys.executable, str(_STEPS), *machine]
-    done = subprocess.run(words, cwd=tree, env=environment, check=True, stdout=subprocess.PIPE)
+    command = [sys.executable, _STEPS, *words]
+    done = subprocess.run(command, cwd=tree, env=environment, check=True, stdout=subprocess.PIPE)
     return json.loads(done.stdout.splitlines()[-1])
-
-
-def traced(tree: Path, logs: str, machine: tuple[str, ...]) -> dict[str, float]:
-    """Processor time [s] of a trace of two sessions by named effects."""
-    words = ["-m", "serpent_twin.trace", "--logs", logs, "--sessions", "2", "--no-discover"]
-    words += [word for path in machine for word in ("--machine", path)]
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder)
-        words += ["--out", str(out / "trace")]
-        return {"trace": processor_time(words, tree, out / "said.log")}
 
 
 def main(config: TraceSpeed) -> None:
     """Print processor times, and their ratios to those of the earlier commit."""
     rows = BenchmarkRows()
-    machines = {"arm": (str(ROOT / "data" / "arm_a"),)}
-    scara = config.shared / "strangers" / "scara"
-    if scara.exists():
-        machines["scara"] = (str(scara / "logs"), str(scara))
+    shared = config.shared.resolve()
+    robot = shared / "strangers" / "scara"
+    machines = {
+        "data_arm_a": [str(ROOT / "data" / "arm_a")],
+        "scara": [f"{robot}/logs", str(robot)],
+    }
     with tempfile.TemporaryDirectory() as folder:
-        earlier = checked_out(config.commit, Path(folder))
-        for name, (logs, *machine) in machines.items():
-            pairs = []
-            for n in range(config.rounds):
-                pairs.append([steps(tree, (logs, *machine)) for tree in (ROOT, earlier)])
-                if config.trace and not n:
-                    whole = [traced(tree, logs, tuple(machine)) for tree in (ROOT, earlier)]
-                    _add(rows, name, config.commit, [whole])
-            _add(rows, name, config.commit, pairs)
+        earlier, made = checked_out(config.commit, Path(folder) / "tree"), Path(folder) / "made"
+        for case in find(tuple(machines)):
+            if case.missing(shared):
+                continue
+
+            def traced(tree: Path, _: Sequence[str], case: FrozenCase = case) -> dict[str, float]:
+                return {"trace": run(case, tree, shared, made)["processor_s"]}
+
+            for measure, rounds in [(steps, config.rounds), (traced, 1)][: 1 + config.trace]:
+                trees = [ROOT, earlier] * rounds
+                found = [measure(tree, machines[case.name]) for tree in trees]
+                _add(rows, case.name, config.commit, found)
     rows.write(config.out)
 
 
-def _add(rows: BenchmarkRows, name: str, commit: str, pairs: list) -> None:
-    for part in pairs[0][0]:
-        now, before = np.array([[each[part] for each in pair] for pair in pairs]).T
-        rows.add(f"{part} of the {name}: processor time", float(np.median(now)), "s")
+def _add(rows: BenchmarkRows, name: str, commit: str, found: Sequence[dict[str, float]]) -> None:
+    """Add times of this tree and of the earlier one, in turn."""
+    for part in found[0]:
+        now, before = np.reshape([each[part] for each in found], (-1, 2)).T
+        rows.add(f"{part} of {name}: processor time", float(np.median(now)), "s")
         rows.add(f"the same to that by {commit}", float(np.median(now / before)), "", "at most 1")
 
 
