@@ -1,8 +1,6 @@
 """Make a bench arm a motor bus, with cameras beside it: what drives the real arm drives this one."""
 
 from collections.abc import Iterable
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +9,7 @@ from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.hardware import xl430
 from serpent_twin.hardware.cameras import MarkerFrame, NoMocap
+from serpent_twin.hardware.motor_bus import MotorBus
 from serpent_twin.hardware.xl430 import MotorState, Registers
 
 from .chain import Payloads, chain
@@ -25,7 +24,7 @@ ROWS = 100_000  # of sensor noise, drawn beforehand
 PAST = 0.3  # s that a late reading may be old
 
 
-class BenchBus:
+class BenchBus(MotorBus):
     """A `MotorBus` over one bench arm; time passes only in `wait`, as fast as it computes."""
 
     def __init__(
@@ -85,16 +84,6 @@ class BenchBus:
 
     def close(self) -> None:
         """Nothing."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
     @property
     def sensed(self) -> dict[str, Array]:

@@ -1,8 +1,7 @@
 """Let the effects of a twin act in a MuJoCo simulation that someone else steps."""
 
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Any, Literal, cast
+from typing import Any, Literal, Self, cast
 
 import mujoco
 import numpy as np
@@ -82,15 +81,10 @@ class Attached:
         if mujoco.get_mjcb_control() is self._callback:
             mujoco.set_mjcb_control(self._before)
 
-    def __enter__(self) -> "Attached":
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.detach()
 
     def _control(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:

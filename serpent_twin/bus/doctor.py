@@ -2,6 +2,7 @@
 
 import sys
 import time
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -104,12 +105,9 @@ def _reboot(setup: ArmSetup, motors: tuple[int, ...]) -> None:
     known = setup.path is not None and setup.path.exists()
     if is_pseudo_terminal(setup.port):
         setup, known = setup_to_run(setup), True
-    bus = DynamixelBus(setup if known else replace(setup, path=None))
-    bus.connect()
-    try:
+    with closing(DynamixelBus(setup if known else replace(setup, path=None))) as bus:
+        bus.connect()
         bus.reboot(motors)
-    finally:
-        bus.close()
     kept = "; their turns were kept" if known else ""
     print(
         f"motor {', '.join(map(str, motors))} restarted{kept}. The torque of all motors is off.\n"
@@ -118,19 +116,15 @@ def _reboot(setup: ArmSetup, motors: tuple[int, ...]) -> None:
 
 def _show_live(setup: ArmSetup) -> None:
     """Angles by the setup's zero and directions, five times a second; nothing is written."""
-    registers = MotorRegisters(Wire(setup.port, setup.baud), setup.ids)
-    registers.wire.open()
-    print("degrees of motor 1 … 10 as the setup has them; Ctrl-C ends")
-    try:
+    with Wire(setup.port, setup.baud) as wire, suppress(KeyboardInterrupt):
+        registers = MotorRegisters(wire, setup.ids)
+        print("degrees of motor 1 … 10 as the setup has them; Ctrl-C ends")
         while True:
             counts = registers.get_all("present_position") - setup.straight
             degrees = counts * np.array(setup.direction) * 360 / TURN
             print("\r" + " ".join(f"{angle:7.1f}" for angle in degrees), end="", flush=True)
             time.sleep(0.2)
-    except KeyboardInterrupt:
-        print()
-    finally:
-        registers.wire.close()
+    print()
 
 
 if __name__ == "__main__":

@@ -1,15 +1,12 @@
 """Simulate the cameras' view of the twin."""
 
-from collections.abc import Mapping
-from typing import Any, Self
-
 import numpy as np
 
-from serpent_twin.hardware.cameras import MarkerFrame
+from serpent_twin.hardware.cameras import MarkerFrame, Mocap
 from serpent_twin.sim.twin import Twin
 
 
-class SimulatedMocap:
+class SimulatedMocap(Mocap):
     """Markers of run 0 of a twin with white noise, each marker lost now and then."""
 
     def __init__(
@@ -23,12 +20,3 @@ class SimulatedMocap:
         seen = truth + self._noise * self._rng.standard_normal(truth.shape)
         seen[self._rng.random(len(seen)) < self._loss] = np.nan
         return MarkerFrame(seen)
-
-    def account(self) -> Mapping[str, Any]:
-        """Nothing: they never fail as a whole."""
-        return {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None: ...

@@ -5,13 +5,12 @@ import socket
 import struct
 import time as clock
 from collections import deque
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
+from serpent_twin.closing import Closing
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
 from serpent_twin.hardware.natnet import packets as natnet
@@ -21,7 +20,7 @@ FORGOTTEN = 5.0  # s without a message after which a client gets no more frames
 NAMES = tuple(f"Marker {n}" for n in range(1, N_JOINTS + 1))
 
 
-class SimulatedCameras:
+class SimulatedCameras(Closing):
     """A NatNet server (unicast, 4.1 or 3.1) of nine labelled markers of the asset `arm`.
 
     It never blocks and starts no thread: the owner of the twin calls `poll` when `fileno` is
@@ -105,17 +104,6 @@ class SimulatedCameras:
     def close(self) -> None:
         """Close the port."""
         self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _answer(self, kind: int, address: tuple[str, int]) -> None:
         if kind == natnet.CONNECT:

@@ -1,8 +1,6 @@
 """Make the twin a motor bus."""
 
 from collections.abc import Iterable
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,14 +9,14 @@ from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.emulator.motors import STANDARD, Protection, SimulatedMotors
 from serpent_twin.hardware import xl430
-from serpent_twin.hardware.motor_bus import BusError, MotorState
+from serpent_twin.hardware.motor_bus import BusError, MotorBus, MotorState
 from serpent_twin.hardware.xl430 import Registers, Words
 from serpent_twin.sim.twin import Twin
 
 __all__ = ["Protection", "SimulatedBus"]
 
 
-class SimulatedBus:
+class SimulatedBus(MotorBus):
     """A `MotorBus` over run 0 of a twin; time passes only in `wait`, as fast as it computes.
 
     `read_registers` and `write_goal_velocity` use register words; everything else is built on
@@ -107,19 +105,6 @@ class SimulatedBus:
         if self._connected:
             self.motors.power(False)
         self._connected = False
-
-    def __enter__(self) -> Self:
-        self.connect()
-        self.configure()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _tripped(self) -> str:
         names = ", ".join(str(i + 1) for i in np.flatnonzero(self.motors.hardware_error))

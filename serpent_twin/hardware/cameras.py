@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
+from serpent_twin.closing import Closing
 
 __all__ = ["MarkerFrame", "Mocap", "NoMocap"]
 
@@ -25,7 +25,7 @@ class MarkerFrame:
     """How long before the read the exposure was [s]; 0 in simulation."""
 
 
-class Mocap(Protocol):
+class Mocap(Closing, Protocol):
     """Marker positions at the instant of the last motor reading; a context manager."""
 
     def read(self) -> MarkerFrame:
@@ -33,32 +33,13 @@ class Mocap(Protocol):
         ...
 
     def account(self) -> Mapping[str, Any]:
-        """The cameras' entries in a log's metadata, at its end."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-        /,
-    ) -> None: ...
+        """The cameras' entries in a log's metadata, at its end; none if they never fail as a whole."""
+        return {}
 
 
-class NoMocap:
+class NoMocap(Mocap):
     """No cameras: every marker is NaN in every row, for logs that `merge` may complete."""
 
     def read(self) -> MarkerFrame:
         """Return a frame in which every marker is lost."""
         return MarkerFrame(np.full((N_JOINTS, 3), np.nan), age=float("nan"))
-
-    def account(self) -> Mapping[str, Any]:
-        """Nothing: there are none."""
-        return {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None: ...

@@ -6,6 +6,8 @@ Addresses, sizes, defaults and ranges from ROBOTIS' e-manual of the XL430-W250, 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 MODEL_NUMBER = 1060
 FIRST_RAM_ADDRESS = 64
 LAST_ADDRESS = 661  # of Indirect Data 56
@@ -108,6 +110,24 @@ _ITEMS = (
     *(Item(f"indirect_data_{n}", 605 + n, 1, 0, 0, 255) for n in range(29, 57)),
 )
 TABLE: Mapping[str, Item] = {item.name: item for item in _ITEMS}
+
+
+def block(first: str, last: str) -> np.dtype:
+    """The bytes of the registers from one to another, as one read has them."""
+    begin, end = TABLE[first].address, TABLE[last].address
+    items = [item for item in _ITEMS if begin <= item.address <= end]
+    return np.dtype(
+        {
+            "names": [item.name for item in items],
+            "formats": [f"<{'i' if item.signed else 'u'}{item.size}" for item in items],
+            "offsets": [item.address - begin for item in items],
+            "itemsize": end + TABLE[last].size - begin,
+        }
+    )
+
+
+PRESENT = block("realtime_tick", "present_temperature")
+"""What a motor does now: all that one reading needs but Hardware Error Status (70)."""
 
 BAUD_RATES = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 """Bits per second by the value of Baud Rate (8)."""

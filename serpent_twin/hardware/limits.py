@@ -7,6 +7,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arrays import Array
 from serpent_twin.hardware import xl430
+from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.motor_bus import BusError, MotorState
 from serpent_twin.hardware.xl430 import Words
 
@@ -48,7 +49,7 @@ class Limits:
     @property
     def velocity_words(self) -> int:
         """The velocity limit in register units, rounded down."""
-        return min(int(self.velocity / xl430.VELOCITY_UNIT + 1e-9), 1023)
+        return min(int(self.velocity / xl430.VELOCITY_UNIT + 1e-9), TABLE["velocity_limit"].high)
 
 
 class Guard:

@@ -1,19 +1,19 @@
 """Define the interface through which ten motors are commanded and read."""
 
 from collections.abc import Iterable
-from types import TracebackType
 from typing import Protocol, Self
 
 from numpy.typing import ArrayLike
 
 from serpent_twin.arrays import Array
+from serpent_twin.closing import Closing
 from serpent_twin.errors import BusError
 from serpent_twin.hardware.xl430 import MotorState
 
 __all__ = ["BusError", "MotorBus", "MotorState"]
 
 
-class MotorBus(Protocol):
+class MotorBus(Closing, Protocol):
     """Ten motors at a time, SI units, and the clock: the bus owns time.
 
     Use it as a context manager: entering connects and configures, every way out switches the
@@ -55,11 +55,11 @@ class MotorBus(Protocol):
         """Switch the torque off and close the bus; closing twice is harmless."""
         ...
 
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __enter__(self) -> Self:
+        self.connect()
+        try:
+            self.configure()
+        except BaseException as error:
+            self.__exit__(type(error), error, error.__traceback__)
+            raise
+        return self

@@ -3,7 +3,8 @@
 Units and defaults from ROBOTIS' e-manual of the XL430-W250, control table.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from serpent_twin.arm.geometry import ARM, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import BusError
+from serpent_twin.hardware.control_table import PRESENT, TABLE
 
 Words = NDArray[np.int64]
 
@@ -19,8 +21,8 @@ POSITION_UNIT = 2 * np.pi / ARM.servo.counts_per_turn  # [rad] manual: 1/4096 tu
 LOAD_UNIT = 1e-3  # [1] manual: 0.1 % of the stall torque
 PWM_UNIT = 1.13e-3  # [1] manual: 0.113 %
 VOLTAGE_UNIT = 0.1  # [V]
-VELOCITY_LIMIT = 265  # default of Velocity Limit (44): 60.7 rpm
-PWM_LIMIT = 885  # default of PWM Limit (36): 100 %
+VELOCITY_LIMIT = TABLE["velocity_limit"].default  # 60.7 rpm
+PWM_LIMIT = TABLE["pwm_limit"].default  # 100 %
 TICK_WRAP = 32768  # [ms] Realtime Tick (120) counts 0 … 32,767
 OVERLOAD = 1 << 5  # Hardware Error Status (70)
 TURN = ARM.servo.counts_per_turn
@@ -42,6 +44,23 @@ class Registers:
     position_trajectory: Words
     input_voltage: Words
     temperature: Words
+
+    @classmethod
+    def of(cls, present: NDArray, hardware_error: Words) -> Self:
+        """The words in `PRESENT` blocks, and Hardware Error Status (70), of all motors, (10,) each."""
+        words = {name: present[_IN_TABLE.get(name, name)].astype(np.int64) for name in _LIVE}
+        return cls(**words, hardware_error=hardware_error)
+
+    def present(self) -> NDArray:
+        """The words as `PRESENT` blocks, (10,), without Moving Status (123)."""
+        blocks = np.zeros(len(self.moving), PRESENT)
+        for name in _LIVE:
+            blocks[_IN_TABLE.get(name, name)] = getattr(self, name)
+        return blocks
+
+
+_IN_TABLE = {"input_voltage": "present_input_voltage", "temperature": "present_temperature"}
+_LIVE = tuple(f.name for f in fields(Registers) if f.name != "hardware_error")
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from wire_bench import peek, real_time
 
+from serpent_twin.closing import Closing
 from serpent_twin.emulator.device import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.dynamixel import DynamixelBus
 from serpent_twin.hardware.dynamixel.setup import ArmSetup
-from serpent_twin.hardware.dynamixel.shutdown import close_after
 from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.limits import Guard, Limits
 from serpent_twin.hardware.motor_bus import BusError
@@ -77,12 +77,13 @@ def test_a_port_that_comes_back_at_closing_time_is_waited_for():
     "second", [KeyboardInterrupt(), OSError("disk full"), BusError("no answer")]
 )
 def test_what_goes_wrong_on_the_way_out_never_hides_the_first_error(second):
-    class Bus:
+    class Bus(Closing):
         def close(self):
             raise second
 
     first = BusError("motor 3 reports overload")
-    close_after(first, Bus())
+    with pytest.raises(BusError, match="motor 3 reports overload"), Bus():
+        raise first
     notes = getattr(first, "__notes__", [])
     assert notes == ([] if isinstance(second, KeyboardInterrupt) else [f"Besides, {second}"])
 

@@ -6,7 +6,7 @@ From ROBOTIS' e-manual, "Protocol 2.0", Control Table Backup (0x20), and Startup
 from collections.abc import Mapping
 
 from serpent_twin.emulator.device.control_table import ControlTable
-from serpent_twin.hardware.control_table import FIRST_RAM_ADDRESS, TABLE, Item
+from serpent_twin.hardware.control_table import TABLE, Item
 
 STORE, RESTORE = b"\x01CTRL", b"\x02CTRL"
 """Parameters of the instruction."""
@@ -28,17 +28,8 @@ def store(table: ControlTable) -> Backup:
     return {item.name: table[item.name] for item in _KEPT}
 
 
-def restore_eeprom(table: ControlTable, backup: Backup) -> None:
-    """Put the EEPROM back."""
-    _restore(table, backup, eeprom=True)
-
-
-def restore_ram(table: ControlTable, backup: Backup) -> None:
-    """Put the registers in RAM back."""
-    _restore(table, backup, eeprom=False)
-
-
-def _restore(table: ControlTable, backup: Backup, eeprom: bool) -> None:
+def restore(table: ControlTable, backup: Backup, eeprom: bool) -> None:
+    """Put back the EEPROM, or the registers in RAM."""
     for name, value in backup.items():
-        if (TABLE[name].address < FIRST_RAM_ADDRESS) is eeprom:
+        if TABLE[name].eeprom is eeprom:
             table[name] = value

@@ -31,21 +31,6 @@ _KEPT_AT_RESET = {0xFF: (), 1: ("id",), 2: ("id", "baud_rate")}  # by option
 RESET_ALL = b"\xff"
 """Parameters of a Factory Reset of everything."""
 _HOMING_REACH = 1_024  # [counts] manual: a Homing Offset beyond it is ignored in position mode
-_LIVE = np.dtype(  # registers 120 … 146 as they lie in the table, by the names of `Registers`
-    [
-        ("realtime_tick", "<u2"),
-        ("moving", "u1"),
-        ("moving_status", "u1"),
-        ("present_pwm", "<i2"),
-        ("present_load", "<i2"),
-        ("present_velocity", "<i4"),
-        ("present_position", "<i4"),
-        ("velocity_trajectory", "<i4"),
-        ("position_trajectory", "<i4"),
-        ("input_voltage", "<u2"),
-        ("temperature", "u1"),
-    ]
-)
 
 
 class Servos:
@@ -89,9 +74,7 @@ class Servos:
     def refresh(self) -> None:
         """Bring the live registers of all tables up to the present instant."""
         words = self.motors.registers()
-        live = np.zeros(len(words.moving), _LIVE)
-        for name in set(_LIVE.names or ()) - {"moving_status"}:
-            live[name] = getattr(words, name)
+        live = words.present()
         for index, table in enumerate(self.table):
             table.patch(TABLE["realtime_tick"].address, live[index].tobytes())
             table["hardware_error_status"] = int(words.hardware_error[index])
@@ -137,7 +120,7 @@ class Servos:
         table.reset(FIRST_RAM_ADDRESS)
         table["goal_pwm"], table["backup_ready"] = table["pwm_limit"], kept is not None
         if kept and table["startup_configuration"] & _RAM_RESTORE:
-            backup.restore_ram(table, kept)
+            backup.restore(table, kept, eeprom=False)
         self.motors.reboot(index)
         self._drives.release(index)
         self._heard[index] = self.motors.time
@@ -173,7 +156,7 @@ class Servos:
             self._backup[index] = backup.store(table)
             table["backup_ready"] = 1
         elif kept:
-            backup.restore_eeprom(table, kept)
+            backup.restore(table, kept, eeprom=True)
             self._mirror(index)
             self.reboot(index)
         return Error.NONE

@@ -4,8 +4,6 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,11 +23,11 @@ from serpent_twin.hardware.dynamixel.reading import Reading
 from serpent_twin.hardware.dynamixel.recovery import ADVICE, Recovery
 from serpent_twin.hardware.dynamixel.registers import TRIES, MotorRegisters
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, is_pseudo_terminal
-from serpent_twin.hardware.dynamixel.shutdown import close_after, switch_off, uninterrupted
+from serpent_twin.hardware.dynamixel.shutdown import switch_off, uninterrupted
 from serpent_twin.hardware.dynamixel.turns import TurnCounter
 from serpent_twin.hardware.dynamixel.wire import PortLostError, Wire
 from serpent_twin.hardware.limits import Guard
-from serpent_twin.hardware.motor_bus import BusError, MotorState
+from serpent_twin.hardware.motor_bus import BusError, MotorBus, MotorState
 
 KEEP_ALIVE = 0.05
 """While waiting, the motors are read this often [s]: it feeds their watchdog and guards the limits."""
@@ -39,7 +37,7 @@ HALT_AFTER = 0.15
 """Without a reading for this long, the arm is told to stand still [s]."""
 
 
-class DynamixelBus:
+class DynamixelBus(MotorBus):
     """A `MotorBus` over dynamixel-sdk.
 
     `lockstep` is true, once connected, for simulated motors whose time only commands advance.
@@ -176,26 +174,6 @@ class DynamixelBus:
                 self.turns.settle()
             finally:
                 self.wire.close()
-
-    def __enter__(self) -> Self:
-        self.connect()
-        try:
-            self.configure()
-        except BaseException as error:
-            close_after(error, self)
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
-            self.close()
-        else:
-            close_after(error, self)
 
     def _read(self) -> Reading:
         """A valid reading, with retries until the patience runs out."""

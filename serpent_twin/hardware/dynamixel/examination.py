@@ -65,9 +65,7 @@ def examine(setup: ArmSetup, reads: int = 200) -> BusExamination:
     """Examine everything on the bus, changing nothing but a Status Return Level of 0."""
     diagnosis = BusExamination(setup.port)
     _latency_timer(diagnosis)
-    wire = Wire(setup.port, setup.baud)
-    wire.open()
-    try:
+    with Wire(setup.port, setup.baud) as wire:
         registers = MotorRegisters(wire, setup.ids)
         present = _roll_call(registers, setup, diagnosis)
         for motor in present:
@@ -79,8 +77,6 @@ def examine(setup: ArmSetup, reads: int = 200) -> BusExamination:
                 _examine_pose(registers, known, diagnosis)
         if len(present) == len(setup.ids) and reads:
             _time_reads(wire, setup, reads, diagnosis)
-    finally:
-        wire.close()
     return diagnosis
 
 
@@ -172,14 +168,11 @@ def _ids_at_other_rates(wire: Wire, setup: ArmSetup) -> dict[int, set[int]]:
 
 
 def _ids_at(port: str, baud: int) -> set[int]:
-    wire = Wire(port, baud)
     try:
-        wire.open()
-        return {id_ for id_, _ in wire.scan()}
+        with Wire(port, baud) as wire:
+            return {id_ for id_, _ in wire.scan()}
     except BusError:  # the adapter cannot do this rate
         return set()
-    finally:
-        wire.close()
 
 
 def _examine_motor(

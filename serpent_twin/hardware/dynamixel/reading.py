@@ -1,33 +1,20 @@
 """Check that a block of readings is complete, fresh and possible."""
 
-import struct
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.hardware.control_table import PRESENT, TABLE, block
 from serpent_twin.hardware.dynamixel.wire import StatusPacket
 from serpent_twin.hardware.xl430 import TICK_WRAP, TURN, Registers, Words
 
-ADDRESS, LENGTH = 120, 27
+ADDRESS, LENGTH = TABLE["realtime_tick"].address, PRESENT.itemsize
 """Realtime Tick … Present Temperature in one block."""
-GOAL_ADDRESS, GOAL_LENGTH = 104, 18
+_GOAL = block("goal_velocity", "realtime_tick")
+GOAL_ADDRESS, GOAL_LENGTH = TABLE["goal_velocity"].address, _GOAL.itemsize
 """Goal Velocity … Realtime Tick: a goal read back, and when."""
-_BLOCK = struct.Struct("<HBBhhiiiiHB")
-_NAMES: tuple[str, ...] = (
-    "realtime_tick",
-    "moving",
-    "moving_status",
-    "present_pwm",
-    "present_load",
-    "present_velocity",
-    "present_position",
-    "velocity_trajectory",
-    "position_trajectory",
-    "input_voltage",
-    "temperature",
-)
 FASTEST = 1.3 * 61 / 60 * TURN
 """No XL430 moves faster, its load helping [counts/s]; no-load speed 61 rpm at 12 V."""
 
@@ -47,10 +34,7 @@ def decode(
     replies: Mapping[int, StatusPacket], ids: tuple[int, ...], asked: float, had: float
 ) -> Reading:
     """A reading out of every motor's reply; Hardware Error Status is left zero."""
-    rows = [_BLOCK.unpack(replies[motor].data) for motor in ids]
-    columns: dict[str, Words] = dict(zip(_NAMES, np.array(rows, np.int64).T, strict=True))
-    columns["hardware_error"] = np.zeros(len(ids), np.int64)
-    words = Registers(**{f.name: columns[f.name] for f in fields(Registers)})
+    words = Registers.of(_blocks(replies, ids, PRESENT), np.zeros(len(ids), np.int64))
     alert = np.array([bool(replies[motor].error & 0x80) for motor in ids])
     return Reading(words, alert, asked, had)
 
@@ -62,9 +46,15 @@ def with_errors(reading: Reading, hardware_error: Words) -> Reading:
 
 def decode_goals(replies: Mapping[int, StatusPacket], ids: tuple[int, ...]) -> tuple[Words, Words]:
     """Goal Velocity and Realtime Tick out of every motor's goal block, (10,) each."""
-    rows = [struct.unpack("<i12xH", replies[motor].data) for motor in ids]
-    goal, tick = np.array(rows, np.int64).T
-    return goal, tick
+    blocks = _blocks(replies, ids, _GOAL)
+    return blocks["goal_velocity"].astype(np.int64), blocks["realtime_tick"].astype(np.int64)
+
+
+def _blocks(
+    replies: Mapping[int, StatusPacket], motors: Iterable[int], kind: np.dtype
+) -> np.ndarray:
+    """The blocks of registers in motors' replies."""
+    return np.frombuffer(b"".join(replies[motor].data for motor in motors), kind)
 
 
 def tick_error(tick: Words, before: Words, elapsed: float) -> Array:
@@ -80,9 +70,9 @@ def tick_error(tick: Words, before: Words, elapsed: float) -> Array:
 
 def advance_of(replies: Mapping[int, StatusPacket], ids: tuple[int, ...], before: Reading) -> Array:
     """Advance of the clocks of the motors that replied [s], (n,)."""
-    ticks = {motor: _BLOCK.unpack(reply.data)[0] for motor, reply in replies.items()}
+    ticks = _blocks(replies, replies, PRESENT)["realtime_tick"].astype(np.int64)
     then = dict(zip(ids, before.registers.realtime_tick, strict=True))
-    return np.array([(tick - then[motor]) % TICK_WRAP / 1e3 for motor, tick in ticks.items()])
+    return (ticks - np.array([then[motor] for motor in replies], np.int64)) % TICK_WRAP / 1e3
 
 
 def impossible_moves(now: Reading, before: Reading, elapsed: float) -> np.ndarray:

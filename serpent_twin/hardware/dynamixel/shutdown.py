@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.dynamixel.registers import TRIES, MotorRegisters
@@ -15,10 +14,6 @@ from serpent_twin.hardware.motor_bus import BusError
 
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a program, a terminal that was closed among them."""
-
-
-class _Closable(Protocol):
-    def close(self) -> None: ...
 
 
 def switch_off(registers: MotorRegisters, patience: float) -> None:
@@ -44,16 +39,6 @@ def switch_off(registers: MotorRegisters, patience: float) -> None:
             "In silence its watchdog stops it, but it may still hold: cut the power before you touch "
             "the arm."
         )
-
-
-def close_after(error: BaseException, bus: _Closable) -> None:
-    """Close a bus after `error`, to which a failure of closing is added as a note."""
-    try:
-        bus.close()
-    except KeyboardInterrupt:
-        pass  # closing is under way, and `error` says more
-    except Exception as second:
-        error.add_note(f"Besides, {second}")
 
 
 @contextmanager

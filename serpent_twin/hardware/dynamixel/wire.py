@@ -14,8 +14,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
+from serpent_twin.closing import Closing
 from serpent_twin.extras import requires
 from serpent_twin.hardware.control_table import Item
 from serpent_twin.hardware.motor_bus import BusError
@@ -56,7 +57,7 @@ def _sdk() -> Any:
     return dynamixel_sdk
 
 
-class Wire:
+class Wire(Closing):
     """Requests to motors, each sent once; incomplete answers count as missing.
 
     `counts` holds how many answers were corrupt, missing, or from no known motor; `owed`, how many may still
@@ -73,6 +74,10 @@ class Wire:
         self._parser = Parser()
         self._request = 0
         self._lock = -1
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
 
     def open(self) -> None:
         """Open the port; raises `PortLostError` with the cause."""

@@ -2,7 +2,6 @@
 
 import time
 from collections import Counter
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
-from serpent_twin.hardware.cameras import MarkerFrame
+from serpent_twin.hardware.cameras import MarkerFrame, Mocap
 from serpent_twin.hardware.natnet.labels import chosen, ids_by_name
 from serpent_twin.hardware.natnet.packets import Id
 from serpent_twin.hardware.natnet.stream import STALE, Frame, NatNet, Stream
@@ -22,7 +21,7 @@ _HERE = NatNet()
 __all__ = ["Frame", "NatNet", "NatNetMocap"]
 
 
-class NatNetMocap:
+class NatNetMocap(Mocap):
     """A `Mocap` on Motive's live stream, NatNet 3.0 and later; a context manager.
 
     A thread receives; `read` only returns the newest frame. When none has come for `STALE` seconds, all
@@ -95,14 +94,6 @@ class NatNetMocap:
     def __enter__(self) -> Self:
         self.connect()
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _names(self) -> dict[str, Id]:
         return ids_by_name(self._stream.models) if self._stream else {}

@@ -14,14 +14,8 @@ from serpent_twin.hardware.natnet import packets as natnet
 
 FARTHEST = 1e3  # m: no cameras see as far
 LATEST = 1e9  # s: Motive counts from the start of its stream or take
-SIZED: natnet.Version = (4, 1)  # from this version on, lists carry their size in bytes
 _UNLABELLED = 0x10  # NatNetTypes.h: parameter bit of a marker that belongs to no asset
-_MARKER = np.dtype(
-    [("id", "<u4"), ("place", "<f4", 3), ("size", "<f4"), ("flags", "<u2"), ("residual", "<f4")]
-)
 _RIGID_BODY = 4 + 12 + 16 + 4 + 2  # id, position, rotation, error, parameters
-_STAMPS = struct.Struct("<IIdQQQ")  # timecode and its sub-frame, time, ticks of exposure … sending
-_VERSION, _CLOCK = struct.Struct("<4B"), struct.Struct("<QHB4B")  # NatNetTypes.h, sSender_Server
 
 
 class PacketError(ValueError):
@@ -127,17 +121,17 @@ class PacketReader:
 def server_info(body: PacketReader) -> ServerInfo:
     """The answer to a connect."""
     body.skip(256 + 4)  # name and version of the program
-    major, minor, _, _ = body.unpack(_VERSION)
-    if body.left < _CLOCK.size:
+    major, minor, _, _ = body.unpack(natnet.VERSION)
+    if body.left < natnet.CLOCK.size:
         return ServerInfo((major, minor))
-    tick_hz, _, multicast, *_ = body.unpack(_CLOCK)
+    tick_hz, _, multicast, *_ = body.unpack(natnet.CLOCK)
     return ServerInfo((major, minor), float(tick_hz), bool(multicast))
 
 
 def frame_of_data(body: PacketReader, version: natnet.Version) -> FrameOfData:
     """The labelled markers of a frame and its stamps."""
     body.skip(4)  # frame number
-    sized = version >= SIZED
+    sized = version >= natnet.SIZED
     _pass_list(body, sized, _pass_marker_set)
     _pass_list(body, sized, lambda part: part.skip(12))  # unlabelled markers
     _pass_list(body, sized, lambda part: part.skip(_RIGID_BODY))
@@ -147,7 +141,7 @@ def frame_of_data(body: PacketReader, version: natnet.Version) -> FrameOfData:
     markers = _labelled(body, sized)
     for _ in ("force plates", "devices"):
         _pass_list(body, sized, _pass_channels)
-    _, _, time, exposed, _, sent = body.unpack(_STAMPS)
+    _, _, time, exposed, _, sent = body.unpack(natnet.STAMPS)
     if not 0 <= time < LATEST:
         raise PacketError("has an absurd time")
     ticks = sent - exposed if exposed and sent > exposed else 0
@@ -159,20 +153,20 @@ def models(body: PacketReader, version: natnet.Version) -> list[Model]:
     found: list[Model] = []
     for _ in range(body.count(4)):
         kind = body.number()
-        part = body.part(body.number()) if version >= SIZED else body
+        part = body.part(body.number()) if version >= natnet.SIZED else body
         if kind in _READERS:
             found += _READERS[kind](part, version)
-        elif version < SIZED:
+        elif version < natnet.SIZED:
             raise PacketError(f"describes something unknown, {kind}")
     return found
 
 
 def _labelled(body: PacketReader, sized: bool) -> dict[natnet.Id, np.ndarray]:
     count = body.number()
-    size = body.number() if sized else count * _MARKER.itemsize
-    if size != count * _MARKER.itemsize:
+    size = body.number() if sized else count * natnet.MARKER.itemsize
+    if size != count * natnet.MARKER.itemsize:
         raise PacketError("has labelled markers of another size")
-    found = body.array(_MARKER, count)
+    found = body.array(natnet.MARKER, count)
     found = found[found["flags"] & _UNLABELLED == 0]
     occluded = found["flags"] & natnet.OCCLUDED != 0
     with np.errstate(invalid="ignore"):  # a NaN that signals makes numpy warn
