@@ -56,7 +56,7 @@ def follow(config: Follow) -> dict[str, Any]:
     follower = Follower(estimator, plan.rows, prior_runtime=config.prior_runtime_s)
     steering = PathSteering(plan, twin, follower, config.feedback)
     beside = Beside(COLUMNS, steering.columns, {"path": _about(config)})
-    live = LivePlan(config, estimator, drive, steering=steering, beside=beside)
+    live = LivePlan(estimator, drive, steering=steering, beside=beside)
     course = Course(plan.rows)
     said = run_settings.settings(drive) | _about(config)
 
@@ -108,29 +108,13 @@ def _limits(config: Follow) -> Limits:
         return Limits()
     from serpent_twin.recording.real_arm import arm_of
 
-    return arm_of(_collect(config)).limits
-
-
-def _collect(config: Follow, **more: Any) -> Drive:
-    return Drive(
-        out=config.out,
-        backend=config.backend,
-        sessions=1,
-        rate_hz=config.rate_hz,
-        seed=config.seed,
-        arm=config.arm,
-        real=config.real,
-        prior_runtime=config.prior_runtime_s,
-        **more,
-    )
+    return arm_of(Drive.of(config)).limits
 
 
 def _drive(config: Follow, plan: PathPlan) -> Drive:
     """What moves, checked."""
-    simulated = config.backend == "sim"
-    drive = _collect(
-        config, steps=plan.rows, twin=(simulated and (config.simulate or config.twin)) or None
-    )
+    simulated = (config.simulate or config.twin) if config.backend == "sim" else None
+    drive = Drive.of(config, steps=plan.rows, twin=simulated)
     collect.check(drive)
     return drive
 

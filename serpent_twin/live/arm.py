@@ -2,6 +2,8 @@
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Self
 
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.estimators import Estimator
@@ -9,6 +11,8 @@ from serpent_twin.numerals import counted
 from serpent_twin.recording.options import Collect
 from serpent_twin.sim.arm_file import ArmFile
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
+
+_SHARED = ("out", "backend", "rate_hz", "seed", "arm", "real", "markers", "record", "view")
 
 
 @dataclass(frozen=True)
@@ -19,6 +23,25 @@ class Drive(Collect):
     """The estimator's own twin, simulated in place of `twin` and `parameters`"""
     prior_runtime: float = 0.0
     """How long the arm ran before its session 1 [s]"""
+    readout: Path | None = None
+    """Folder of the trained readout that estimates, if it is one"""
+    markers: bool = True
+    """Whether simulated cameras measure"""
+    record: bool = True
+    """Whether a recording is written"""
+    view: bool = False
+    """Whether the viewer shows it"""
+
+    @classmethod
+    def of(cls, config: Any, **more: Any) -> Self:
+        """The drive of the options that all live commands have, as `Estimate` explains them."""
+        return cls(
+            sessions=1,
+            prior_runtime=config.prior_runtime_s,
+            readout=config.model,
+            **{name: getattr(config, name) for name in _SHARED},
+            **more,
+        )
 
     def simulated(self) -> ArmFile:
         """The arm to simulate."""

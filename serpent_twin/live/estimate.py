@@ -65,31 +65,16 @@ def planned(config: Estimate) -> LivePlan:
         )
     if config.backend == "sim":
         arm_file.read(simulated, config.parameters, "--simulate")
-    drive = Drive(
-        out=config.out,
-        backend=config.backend,
-        sessions=1,
-        steps=config.steps,
-        rate_hz=config.rate_hz,
-        seed=config.seed,
-        arm=config.arm,
-        twin=simulated,
-        real=config.real,
-        parameters=config.parameters,
-        prior_runtime=config.prior_runtime_s,
-        push=config.push,
-    )
-    drive = of_readout(drive, trained)
+    given = {"twin": simulated, "parameters": config.parameters, "push": config.push}
+    drive = of_readout(Drive.of(config, steps=config.steps, **given), trained)
     collect.check(drive)
     estimator.require_rate(config.rate_hz)
     if config.force:
         estimator = feeling(estimator)
     if config.backend == "real":
-        return LivePlan(config, estimator, drive)
+        return LivePlan(estimator, drive)
     other = f" It estimates by {config.twin}." if config.twin and trained.takes_twin else ""
-    return LivePlan(
-        config, estimator, drive, note(drive, trained) + other, is_known(drive, trained)
-    )
+    return LivePlan(estimator, drive, note(drive, trained) + other, is_known(drive, trained))
 
 
 def settings(config: Estimate, plan: LivePlan) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any
 
 from tqdm import tqdm
 
@@ -20,72 +20,17 @@ from serpent_twin.live.sample import Page
 from serpent_twin.live.stream import RerunStream
 from serpent_twin.recording import lost_markers, run_settings, simulated
 from serpent_twin.recording.ending import sealed, stopped_by_signals, why
-from serpent_twin.recording.loop import (
-    NOTHING,
-    Beside,
-    Row,
-    Steering,
-    Step,
-    TargetSteering,
-    record,
-)
+from serpent_twin.recording.loop import NOTHING, Beside, Row, Steering, TargetSteering, record
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.sim import pushes as pushing
 from serpent_twin.sim import twin_model
-
-
-class LiveConfig(Protocol):
-    """The options that every live run has, as `Estimate` explains them."""
-
-    @property
-    def model(self) -> Path | None:
-        """Of the trained readout, if it is one."""
-        ...
-
-    @property
-    def backend(self) -> Literal["sim", "real"]:
-        """What moves."""
-        ...
-
-    @property
-    def rate_hz(self) -> float:
-        """Control steps per second."""
-        ...
-
-    @property
-    def prior_runtime_h(self) -> float:
-        """Time that the arm ran before [h]."""
-        ...
-
-    @property
-    def prior_runtime_s(self) -> float:
-        """The same [s]."""
-        ...
-
-    @property
-    def markers(self) -> bool:
-        """Whether simulated cameras measure."""
-        ...
-
-    @property
-    def record(self) -> bool:
-        """Whether a recording is written."""
-        ...
-
-    @property
-    def view(self) -> bool:
-        """Whether the viewer shows it."""
-        ...
 
 
 @dataclass(frozen=True)
 class LivePlan:
-    """A config with its estimator and its drive, checked."""
+    """An estimator and what it follows, checked."""
 
-    config: LiveConfig
-    """The config"""
     estimator: Estimator
     """What estimates"""
     drive: Drive
@@ -134,7 +79,7 @@ def run_and_state(
     `names` are those of the files of settings and results. If there are rows, `found` gives the figures of
     the run, and `tell` shows the results.
     """
-    if plan.config.record or plan.config.view:
+    if plan.drive.record or plan.drive.view:
         require("rerun", "view", "A recording for rerun", ", or leave it out: --no-record")
     out, (settings_name, results_name) = plan.drive.out, names
     with claimed(out, settings_name, settings):
@@ -147,9 +92,9 @@ def run_and_state(
             raise
         finally:
             results: dict[str, Any] = {"complete": ended is None, "ended": ended}
-            results["rate_hz"] = plan.config.rate_hz
+            results["rate_hz"] = plan.drive.rate_hz
             if course.rows:
-                results |= found() | figures(course, follower, 1 / plan.config.rate_hz)
+                results |= found() | figures(course, follower, 1 / plan.drive.rate_hz)
                 results |= {"seed": plan.drive.seed, "settings": settings} | provenance()
                 write_json(out / results_name, results)
                 tell(results)
@@ -159,33 +104,27 @@ def run_and_state(
 
 def run(plan: LivePlan, follower: Follower, course: Course) -> None:
     """Drive the arm, let the estimator follow it, log both, and show them."""
-    model = plan.config.model
+    drive, model = plan.drive, plan.drive.readout
     about: dict[str, Any] = {
         "estimate": {"readout": plan.estimator.name} | ({"model": str(model)} if model else {})
-    } | dict(plan.beside.about)
-    if plan.config.prior_runtime_h:
-        about["prior_runtime_s"] = plan.config.prior_runtime_s
+    }
+    if drive.prior_runtime:
+        about["prior_runtime_s"] = drive.prior_runtime
     with ExitStack() as stack:
-        stream = _stream(plan, stack) if plan.config.record or plan.config.view else None
+        stream = _stream(plan, stack) if drive.record or drive.view else None
 
         def see(row: Row) -> None:
             follower.learn(row["marker"])
             course.see(row)
-            plan.beside.see(row)
             if stream:
                 stream.see(row, follower.covariance[follower.rows - 1], follower.force())
 
-        beside = Beside(
-            COLUMNS + plan.beside.columns,
-            lambda step: follower.columns(step) | dict(plan.beside.further(step)),
-            about,
-            see,
-            course.end,
-        )
-        if plan.config.backend == "real":
+        estimates = Beside(COLUMNS, follower.columns, about, see, course.end)
+        beside = estimates.and_then(plan.beside)
+        if drive.backend == "real":
             from serpent_twin.recording import real  # not before its port is checked
 
-            real.record_all(plan.drive, [1], beside, plan.steering)
+            real.record_all(drive, [1], beside, plan.steering)
         else:
             _simulate(plan, beside)
 
@@ -193,36 +132,30 @@ def run(plan: LivePlan, follower: Follower, course: Course) -> None:
 def _simulate(plan: LivePlan, beside: Beside) -> None:
     drive = plan.drive
     arm, targets = simulated.simulated_arm(drive, 1, drive.prior_runtime)
-    cameras = arm.cameras if plan.config.markers else NoMocap()
-    markers = "simulated" if plan.config.markers else "none"
+    cameras = arm.cameras if drive.markers else NoMocap()
+    markers = "simulated" if drive.markers else "none"
     about = run_settings.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
-    if drive.own and plan.config.model:
-        path = str(plan.config.model / "readout.json")
+    if drive.own and drive.readout:
+        path = str(drive.readout / "readout.json")
         about["twin"] = {"path": path, "design": twin_model.to_dict(drive.own)}
-    pushes = arm.bus.twin.pushes
-    known = pushing.COLUMNS if drive.push else ()
-
-    def further(step: Step) -> Mapping[str, float]:
-        pushed = pushing.columns(pushes, step.time) if drive.push else {}
-        return {**beside.further(step), **pushed}
-
+    beside = beside.and_then(simulated.pushes(drive, arm))
     with (
         stopped_by_signals(),
         tqdm(total=drive.steps, unit="row") as bar,
-        sealed(plan.session, about, beside.columns + known, dict) as journal,
+        sealed(plan.session, about, beside.columns, dict) as journal,
         arm.bus,
     ):
         period = 1 / drive.rate_hz
         steering = plan.steering or TargetSteering(targets, arm.gain)
-        for row in record(arm.bus, cameras, steering, period, further):
+        for row in record(arm.bus, cameras, steering, period, beside.further):
             journal.append(row)
             beside.see(row)
             bar.update()
 
 
 def _stream(plan: LivePlan, stack: ExitStack) -> RerunStream:
-    config, drive = plan.config, plan.drive
-    about = f"{drive.arm_name}, backend `{config.backend}`, {config.rate_hz:g} Hz"
-    file = plan.session.with_suffix(".rrd") if config.record else None
-    page = Page(plan.estimator.name, about, file, config.view, isinstance(plan.estimator, Feeling))
+    drive = plan.drive
+    about = f"{drive.arm_name}, backend `{drive.backend}`, {drive.rate_hz:g} Hz"
+    file = plan.session.with_suffix(".rrd") if drive.record else None
+    page = Page(plan.estimator.name, about, file, drive.view, isinstance(plan.estimator, Feeling))
     return stack.enter_context(RerunStream(page))

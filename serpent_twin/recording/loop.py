@@ -86,10 +86,20 @@ class Beside:
     """Their values in one row"""
     about: Mapping[str, Any] = field(default_factory=dict)
     """Further metadata of the log"""
-    see: Callable[[Row], None] = lambda row: None
+    see: Callable[[Row], object] = lambda row: None
     """Called with each row once it is logged"""
-    end: Callable[[Mapping[str, Any]], None] = lambda account: None
+    end: Callable[[Mapping[str, Any]], object] = lambda account: None
     """Called with what the log's metadata hold of the end"""
+
+    def and_then(self, other: "Beside") -> "Beside":
+        """Both, the other one after this."""
+        return Beside(
+            self.columns + other.columns,
+            lambda step: {**self.further(step), **other.further(step)},
+            {**self.about, **other.about},
+            lambda row: (self.see(row), other.see(row)),
+            lambda account: (self.end(account), other.end(account)),
+        )
 
 
 NOTHING = Beside()

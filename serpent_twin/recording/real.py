@@ -69,15 +69,12 @@ def record_session(
     path = session_path(config, session)
     bus, cameras, watch = DynamixelBus(setup), cameras_of(config), lost_markers.Watch()
     of_bus = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
-    values = _further(bus, of_bus)
+    beside = Beside(of_bus, _further(bus, of_bus)).and_then(beside)
     gain, period = config.parameters.controller_gain, 1 / config.rate_hz
     if steering is None:
         for_targets, *_ = generators(config.seed, (session,))
         steering = TargetSteering(config.targets(for_targets), gain)
     times: list[float] = []
-
-    def further(step: Step) -> dict[str, float]:
-        return values(step) | dict(beside.further(step))
 
     def account() -> dict[str, Any]:
         loop = loop_times(np.array(times), period, bus.missed)
@@ -89,13 +86,13 @@ def record_session(
 
     about = metadata(config, session) | _about(config, setup) | dict(beside.about)
     with (
-        sealed(path, about, of_bus + beside.columns, account) as journal,
+        sealed(path, about, beside.columns, account) as journal,
         cameras,
         bus,
         _kept_on_disk(journal),
     ):
         bring_back(bus, gain, period)
-        for row in record(bus, cameras, steering, period, further):
+        for row in record(bus, cameras, steering, period, beside.further):
             journal.append(row)
             times.append(row["time"])
             beside.see(row)

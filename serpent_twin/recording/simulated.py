@@ -16,7 +16,7 @@ from tqdm import tqdm
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.recording import run_folder
-from serpent_twin.recording.loop import TargetSteering, record
+from serpent_twin.recording.loop import NOTHING, Beside, TargetSteering, record
 from serpent_twin.recording.options import Collect
 from serpent_twin.recording.run_settings import metadata, session_path
 from serpent_twin.recording.simulated_arm import SimulatedArm, generators
@@ -46,19 +46,21 @@ def simulated_arm(
     return arm, config.targets(for_targets)
 
 
+def pushes(config: Collect, arm: SimulatedArm) -> Beside:
+    """What a log states of the known forces on the simulated arm."""
+    if not config.push:
+        return NOTHING
+    known = arm.bus.twin.pushes
+    return Beside(pushing.COLUMNS, lambda step: pushing.columns(known, step.time))
+
+
 def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
     """Record one session of the twin; `tick` is given the number of rows logged so far."""
     arm, targets = simulated_arm(config, session)
-    path, pushes = session_path(config, session), arm.bus.twin.pushes
-    further = pushing.COLUMNS if config.push else ()
-    with arm.bus, Journal(path, metadata(config, session), further) as journal:
-        rows = record(
-            arm.bus,
-            arm.cameras,
-            TargetSteering(targets, arm.gain),
-            1 / config.rate_hz,
-            lambda step: pushing.columns(pushes, step.time) if config.push else {},
-        )
+    path, pushed = session_path(config, session), pushes(config, arm)
+    with arm.bus, Journal(path, metadata(config, session), pushed.columns) as journal:
+        steering, period = TargetSteering(targets, arm.gain), 1 / config.rate_hz
+        rows = record(arm.bus, arm.cameras, steering, period, pushed.further)
         for n, row in enumerate(rows, 1):
             journal.append(row)
             tick(n)
