@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import taken_away
 import trimesh
+from example import Example, opened
 from typed import typed
 
 from serpent_twin import SerpentError, interchange
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.model import open_machine
 
 ISAACLAB = (  # isaac-sim.github.io/IsaacLab, isaaclab.actuators, 2.3 and 3.0
     "joint_names_expr", "stiffness", "damping", "effort_limit", "effort_limit_sim", "armature",
@@ -183,13 +183,11 @@ def test_a_twin_finds_its_meshes_from_wherever_it_is_written(tmp_path):
     for each in (robot / "shapes", trace, away):
         each.mkdir(parents=True)
     trimesh.creation.box((0.1, 0.1, 0.1)).export(robot / "shapes" / "box.stl")
-    (robot / "arm.xml").write_text(MESHED)
-    (robot / "machine.toml").write_text(TOML)
+    Example(MESHED, TOML).write(robot)
     time = np.arange(0, 8, 0.02)
     rows = np.c_[time, 0.5 * np.sin(time), 0.48 * np.sin(time - 0.05)]
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t,goal,angle", comments="")
-    rig = open_machine(robot / "machine.toml")
-    case = rig.open(rig.read(tmp_path / "log.csv"))
+    case, *_ = opened(robot / "machine.toml", tmp_path / "log.csv")
     case.write(ParameterVector.nominal(case.declared), trace / "twin.json", {})
     out = away / "model.xml"
     out.write_text(written(trace, "mjcf", away).text)

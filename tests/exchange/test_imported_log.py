@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from example import Example
 from recordings import ANGLE, TABLE, TIME, imported, mapped, table
 from rerun.chunk import RrdReader
 from typed import typed
@@ -58,9 +59,7 @@ fields = [
 
 
 def machine(folder, **keys):
-    folder.mkdir()
-    (folder / "model.xml").write_text(MODEL)
-    (folder / "machine.toml").write_text(TOML.format(**RAW | keys))
+    Example(MODEL, TOML.format(**RAW | keys)).write(folder)
     return machines.find(str(folder / "machine.toml"))
 
 

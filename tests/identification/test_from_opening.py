@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 import pytest
+from example import Example
 from linear_case import GUST, NOTHING, START, LinearCase, case, every
 
 from serpent_twin.identification.acceptance import CandidateTrial
@@ -133,8 +134,7 @@ def _log(path, model, late, seed):
 
 def _traced(folder, tool, late, model=1.2, toml=TOML):
     """The selection of a trace of four short logs, whose tool has 1.2 kg in the model."""
-    (folder / "arm.xml").write_text(MJCF.format(tool=model))
-    (folder / "machine.toml").write_text(toml)
+    Example(MJCF.format(tool=model), toml).write(folder)
     (folder / "logs").mkdir()
     for n in range(4):
         model = mujoco.MjModel.from_xml_string(MJCF.format(tool=tool))

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import moving_models
 import numpy as np
 import pytest
+from example import Example
 from measured_logs import jaw, pendulum
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
@@ -111,8 +112,7 @@ def _model():
 def _tendon():
     """Any MJCF: a lever that a tendon pulls, and a wheel that a motor turns."""
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "lever.xml").write_text(moving_models.LEVER)
-        (Path(folder) / "machine.toml").write_text(moving_models.LEVER_TOML)
+        Example(moving_models.LEVER, moving_models.LEVER_TOML).write(Path(folder))
         rig = open_machine(Path(folder) / "machine.toml")
     time = np.arange(0.0, 0.5, 0.02)
     told = {"pulled": 0.05 * np.sin(2 * np.pi * time), "current": 0.1 * np.cos(7 * time)}

@@ -1,5 +1,7 @@
 """Test which numbers of a model a calibration changes together: those of copies of one part."""
 
+from example import Example
+
 from serpent_twin.machines.model.coordinates import coordinates
 from serpent_twin.machines.model.reading import read
 
@@ -47,8 +49,7 @@ measured = [{ joint = "ankle", columns = ["e"], unit = "rad" }]
 
 def test_copies_of_one_part_change_together_and_what_happens_to_be_equal_does_not(tmp_path):
     """And what is fixed to the world has no mass that a motion could show."""
-    (tmp_path / "robot.xml").write_text(MJCF)
-    (tmp_path / "machine.toml").write_text(TOML)
+    Example(MJCF, TOML).write(tmp_path)
     found = {each.declared.name for each in coordinates(read(tmp_path / "machine.toml"))}
     for number, moved in (
         ("mass", "left"),

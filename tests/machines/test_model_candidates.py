@@ -4,6 +4,7 @@ import log_texts
 import numpy as np
 import posed_models
 import swung_models
+from example import Example, opened, table
 
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.sizes import sizes
@@ -71,16 +72,14 @@ def test_every_effect_at_a_place_says_what_that_is(tmp_path, told):
 def test_a_tip_may_carry_as_much_as_the_machine_weighs(tmp_path, told):
     path = posed_models.machine(tmp_path)
     (tmp_path / "log.csv").write_text(told[posed_models])
-    rig = open_machine(path)
-    case = rig.open(rig.read(tmp_path / "log.csv"))
+    case, *_ = opened(path, tmp_path / "log.csv")
     mass = case.machine.described.model.body_subtreemass[0]
     assert case.candidates["payload@tip"].ranges["mass"].high >= mass
 
 
 def test_a_joint_that_nothing_measures_is_sized_by_how_it_moves(tmp_path):
     """A trolley without a spring, of which only the load is seen, is moved by its motor."""
-    (tmp_path / "crane.xml").write_text(CRANE)
-    (tmp_path / "machine.toml").write_text(CRANE_TOML)
+    Example(CRANE, CRANE_TOML).write(tmp_path)
     time = np.arange(0.0, 6.0, 0.02)
     current = 0.5 * np.sin(2 * np.pi * 0.5 * time)
     seen = 0.01 * np.random.default_rng(0).standard_normal((len(time), 3))
@@ -118,12 +117,10 @@ measured = [{ joint = "turn", columns = ["angle"], unit = "rad" }]
 
 def on_turntable(tmp_path, mjcf):
     """The candidates of a model with a turntable that swings slowly."""
-    (tmp_path / "table.xml").write_text(mjcf)
-    (tmp_path / "machine.toml").write_text(TURNTABLE_TOML)
+    Example(mjcf, TURNTABLE_TOML).write(tmp_path)
     time = np.arange(0, 6, 0.02)
     rows = np.c_[time, 0.1 * np.sin(time), 0.1 * np.sin(time)]
-    text = "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
-    (tmp_path / "log.csv").write_text(f"t,goal,angle\n{text}\n")
+    table(tmp_path / "log.csv", "t,goal,angle", rows, 6)
     rig = open_machine(tmp_path / "machine.toml")
     return rig.open(rig.read(tmp_path / "log.csv")).candidates
 

@@ -3,9 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.model import open_machine
+from example import Example, opened
 
 RATE, NOISE, LATE = 100.0, 2e-4, 0.015  # [Hz], [rad], [s]
 MJCF = """<mujoco>
@@ -51,13 +49,9 @@ def _log(path, late):
 @pytest.mark.parametrize("late", [0.0, LATE])
 @pytest.mark.parametrize("every", [1, 2, 3])
 def test_the_true_delay_leaves_noise_alone_however_many_rows_are_used(tmp_path, every, late):
-    (tmp_path / "arm.xml").write_text(MJCF)
-    (tmp_path / "machine.toml").write_text(TOML.format(every=every))
+    Example(MJCF, TOML.format(every=every)).write(tmp_path)
     _log(tmp_path / "log.csv", late)
-    rig = open_machine(tmp_path / "machine.toml")
-    logs = rig.read(tmp_path / "log.csv")
-    case = rig.open(logs)
-    pieces, at = case.pieces(logs), ParameterVector.nominal(case.declared)
+    case, pieces, at = opened(tmp_path / "machine.toml", tmp_path / "log.csv")
     if late:
         at = at.having("command_delay", np.array([LATE]))
     off = pieces.measured - case.machine.respond([at], pieces)[0]
@@ -68,13 +62,9 @@ def test_the_true_delay_leaves_noise_alone_however_many_rows_are_used(tmp_path, 
 
 def test_a_motion_is_planned_where_some_rows_are_used(tmp_path):
     """Its commands hold for the rows that are used."""
-    (tmp_path / "arm.xml").write_text(MJCF)
-    (tmp_path / "machine.toml").write_text(TOML.format(every=2))
+    Example(MJCF, TOML.format(every=2)).write(tmp_path)
     _log(tmp_path / "log.csv", 0.0)
-    rig = open_machine(tmp_path / "machine.toml")
-    logs = rig.read(tmp_path / "log.csv")
-    case = rig.open(logs)
-    at = ParameterVector.nominal(case.declared)
+    case, _, at = opened(tmp_path / "machine.toml", tmp_path / "log.csv")
     found = case.machine.propose(at, 1, 4.0, RATE / 2, np.random.default_rng(0))
     shown = case.machine.respond([at], found.pieces)[0]
     again = found.pieces.measured - shown

@@ -5,12 +5,11 @@ import json
 import numpy as np
 import pulled_lever
 import pytest
+from example import opened
 from pulled_lever import GAIN, GEAR, NOISE
 from scipy.optimize import least_squares
 
 from serpent_twin.identification.run import Trace, trace
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.model import open_machine
 
 SHARP = 1e-3  # [rad/s] within which friction changes its sign
 
@@ -69,11 +68,7 @@ LAWS = {
 def test_a_law_at_a_place_moves_a_model_as_its_equations_say(tmp_path, name):
     """Session by session and, in between, from what is remembered of the rows before."""
     law, values = LAWS[name]
-    rig = open_machine(pulled_lever.machine(tmp_path))
-    recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 0, law, noise=0.0))
-    case = rig.open(recordings)
-    pieces = case.pieces(recordings)
-    zero = ParameterVector.nominal(case.declared)
+    case, pieces, zero = pulled_lever.opened(tmp_path, 0, law, noise=0.0)
     having, without = (
         np.nanstd(pieces.measured - case.machine.respond([at], pieces)[0])
         for at in (zero.having(name, np.array(values)), zero)
@@ -85,11 +80,9 @@ def test_a_law_at_a_place_moves_a_model_as_its_equations_say(tmp_path, name):
 def test_what_lags_remembers_the_rows_before_a_segment(tmp_path, segment):
     path = pulled_lever.machine(tmp_path)
     path.write_text(path.read_text().replace("segment = 60", f"segment = {segment}"))
-    rig = open_machine(path)
-    recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 0, Relaxing(), noise=0.0))
-    case = rig.open(recordings)
-    pieces = case.pieces(recordings)
-    zero = ParameterVector.nominal(case.declared)
+    case, pieces, zero = opened(
+        path, pulled_lever.log(tmp_path / "log.csv", 0, Relaxing(), noise=0.0)
+    )
     at = zero.having(RELAXES, np.array([0.8, 0, 0, 0, 0.5, 0, 0, 0]))
     having, without = (
         np.nanstd(pieces.measured - case.machine.respond([point], pieces)[0])
@@ -102,11 +95,8 @@ def test_what_lags_remembers_the_rows_before_a_segment(tmp_path, segment):
 @pytest.mark.parametrize("name", LAWS)
 def test_the_strength_of_a_law_is_found_from_its_candidate_s_starts(tmp_path, name):
     law, values = LAWS[name]
-    rig = open_machine(pulled_lever.machine(tmp_path))
-    recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 1, law))
-    case = rig.open(recordings)
-    pieces, known = case.pieces(recordings), case.candidates[name]
-    zero = ParameterVector.nominal(case.declared)
+    case, pieces, zero = pulled_lever.opened(tmp_path, 1, law)
+    known = case.candidates[name]
     fitted = [n for n, each in enumerate(known.ranges.values()) if each.fitted]
     seen = np.isfinite(pieces.measured)
 

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import swung_models
+from example import opened
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import open_machine
@@ -224,8 +225,7 @@ def test_a_speed_is_measured_by_a_sensor_and_a_quaternion_is_refused_with_the_re
     log.write_text(
         "\n".join([head + ",w", *(f"{row},{w}" for row, w in zip(rows, speed, strict=True))])
     )
-    rig = open_machine(path)
-    case = rig.open(rig.read(log))
+    case, *_ = opened(path, log)
     assert [each.measure.unit for each in case.machine.outputs] == ["°", "°/s"]
 
 

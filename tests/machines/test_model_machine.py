@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import posed_models
 import pytest
+from example import opened
 
 from serpent_twin import machines
 from serpent_twin.errors import SerpentError
@@ -34,11 +35,7 @@ def traced(tmp_path, lacks="", **how):
 
 
 def test_a_model_of_the_machine_predicts_its_poses(tmp_path):
-    rig = open_machine(posed_models.machine(tmp_path))
-    recordings = rig.read(logs(tmp_path / "logs", 2))
-    case = rig.open(recordings)
-    pieces = case.pieces(recordings)
-    at = ParameterVector.nominal(case.declared)
+    case, pieces, at = opened(posed_models.machine(tmp_path), logs(tmp_path / "logs", 2))
     off = pieces.measured - case.machine.respond([at], pieces)[0]
     assert np.nanstd(off) == pytest.approx(3e-4, rel=0.15)  # the noise of the log
 
@@ -88,13 +85,11 @@ def test_dry_friction_of_one_joint_is_named_in_poses_at_rest_and_told_from_play(
 
 @pytest.mark.parametrize("strength", [1e-6, 1e-3, 1.0])
 def test_a_link_rests_bent_however_stiff_it_is(tmp_path, strength):
-    rig = open_machine(posed_models.machine(tmp_path / "arm"))
-    recordings = rig.read(logs(tmp_path / "logs", 1))
-    case = rig.open(recordings)
+    case, pieces, _ = opened(posed_models.machine(tmp_path / "arm"), logs(tmp_path / "logs", 1))
     ranges = case.machine.candidates["link_flex@upper"].ranges.values()
     bent = {"link_flex@upper": strength * np.array([each.typical for each in ranges])}
     at = ParameterVector.nominal(case.declared, bent)
-    assert np.isfinite(case.machine.respond([at], case.pieces(recordings))).all()
+    assert np.isfinite(case.machine.respond([at], pieces)).all()
 
 
 @pytest.mark.slow
@@ -107,13 +102,11 @@ def test_a_spring_that_a_number_of_the_model_can_stand_for_is_told_with_that_num
 
 
 def test_an_effect_at_a_place_that_is_not_there_is_refused(tmp_path):
-    rig = open_machine(posed_models.machine(tmp_path / "arm"))
-    recordings = rig.read(logs(tmp_path / "logs", 1))
-    case = rig.open(recordings)
+    case, pieces, _ = opened(posed_models.machine(tmp_path / "arm"), logs(tmp_path / "logs", 1))
     none = np.zeros(len(case.declared))
     at = ParameterVector(none, {"gear_backlash@at_wrist": np.array([0.01])})
     with pytest.raises(SerpentError, match="there are: at_shoulder, at_elbow"):
-        case.residual([at], case.pieces(recordings))
+        case.residual([at], pieces)
 
 
 def test_joint_angles_are_compared_in_degrees(tmp_path):
@@ -126,10 +119,8 @@ def test_joint_angles_are_compared_in_degrees(tmp_path):
     rest = [posed_models.rest(goal, np.array([0, 0, -9.81]))[0] for goal in goals]
     lines = [f"{row},{-np.degrees(at):.6f}" for row, at in zip(rows, rest, strict=True)]
     log.write_text("\n".join([f"{head},angle", *lines]))
-    rig = open_machine(path)
-    recordings = rig.read(log)
-    case = rig.open(recordings)
-    compared = case.compare(None, case.pieces(recordings))
+    case, pieces, _ = opened(path, log)
+    compared = case.compare(None, pieces)
     assert compared.marker.unit == "°"
     assert np.nanmax(compared.distance) < np.radians(0.01)
 
@@ -156,8 +147,7 @@ def test_things_without_a_name_are_counted(tmp_path):
     path = posed_models.machine(tmp_path)
     model = path.with_name("arm.xml")
     model.write_text(model.read_text().replace('<body name="upper"', "<body"))
-    rig = open_machine(path)
-    case = rig.open(rig.read(posed_models.log(tmp_path / "log.csv", 0)))
+    case, *_ = opened(path, posed_models.log(tmp_path / "log.csv", 0))
     assert "mass of number 1" in {each.name for each in case.declared}
     model.write_text(model.read_text().replace('name="at_elbow" ', ""))
     with pytest.raises(SerpentError, match="one has no name"):
@@ -194,9 +184,7 @@ def test_lines_of_keys_are_found():
 
 
 def test_the_twin_of_a_model_is_written_as_mjcf(tmp_path):
-    rig = open_machine(posed_models.machine(tmp_path / "arm"))
-    recordings = rig.read(logs(tmp_path / "logs", 2))
-    case = rig.open(recordings)
+    case, *_ = opened(posed_models.machine(tmp_path / "arm"), logs(tmp_path / "logs", 2))
     at = ParameterVector.nominal(case.declared, {"gravity": np.array([1.0, 0.0, 0.5])})
     case.write(at, tmp_path / "twin.json", {})
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))

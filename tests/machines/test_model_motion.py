@@ -5,9 +5,9 @@ import json
 import moving_models
 import numpy as np
 import pytest
+from example import opened
 
 from serpent_twin.identification.run import Trace, trace
-from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.clocks import clocks_of
 
@@ -22,12 +22,8 @@ def moved(tmp_path, **how):
 
 
 def test_a_model_of_a_moving_machine_predicts_its_motion(tmp_path):
-    rig = open_machine(moving_models.machine(tmp_path))
-    recordings = rig.read(moving_models.log(tmp_path / "log.csv", 0))
-    case = rig.open(recordings)
-    pieces = case.pieces(recordings)
+    case, pieces, at = moving_models.opened(tmp_path, 0)
     assert pieces.time.shape == (4, 112)  # 97 rows, after a lead of 15
-    at = ParameterVector.nominal(case.declared)
     off = pieces.measured - case.machine.respond([at], pieces)[0]
     assert np.sqrt(np.nanmean(off**2)) < 6e-4  # rad: hardly more than the noise of 5e-4
 
@@ -69,8 +65,7 @@ def test_sessions_of_one_clock_are_as_far_apart_as_it_says_whatever_their_names(
 def test_noise_is_estimated_from_a_motion(tmp_path):
     path = moving_models.machine(tmp_path)
     path.write_text(moving_models.TOML.replace("noise = 0.0005", ""))
-    rig = open_machine(path)
-    case = rig.open(rig.read(moving_models.log(tmp_path / "log.csv", 0)))
+    case, *_ = opened(path, moving_models.log(tmp_path / "log.csv", 0))
     least = [each.noise for each in case.machine.outputs]
     assert least == pytest.approx([5e-4, 5e-4], rel=0.15)  # rad
 

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from example import Example
 from measured_logs import write_log
 
 from serpent_twin.errors import SerpentError
@@ -108,10 +109,7 @@ def test_a_motors_controller_gives_the_same_volts(number, constant, resistance, 
 
 def machine(folder, toml=TOML):
     """Write the model and its machine.toml."""
-    folder.mkdir(exist_ok=True)
-    (folder / "model.xml").write_text(MJCF)
-    (folder / "machine.toml").write_text(toml)
-    return folder / "machine.toml"
+    return Example(MJCF, toml).write(folder)
 
 
 def log(path, about, on=None, **more):

@@ -10,6 +10,7 @@ import posed_models
 import pytest
 import swinging_models
 from cabled_models import cabled, lines, span
+from example import table
 from posed_models import LENGTHS, MASSES, SPRINGS
 from scipy.optimize import minimize
 from swinging_models import RATE, SECONDS
@@ -105,8 +106,7 @@ def test_a_joint_moves_as_told_and_its_reaction_is_measured(tmp_path, integrator
         - 9.81 * ((m1 + m2) * a * np.cos(q1) + m2 * b * np.cos(q1 + q2))
     )
     rows = np.c_[table["t"], q1, q2, q1, 0 * q1, moment, 0 * q1]
-    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
-    log.write_text(f"t,encoder,angle,again,mx,my,mz\n{text}\n")
+    table(log, "t,encoder,angle,again,mx,my,mz", rows, 9)
     _, _, off = opened(path, log, 128)
     inside = off[:, 20:-5]
     assert np.nanmax(np.abs(off[..., 1])) < 1e-6  # rad
@@ -176,8 +176,7 @@ def test_a_joint_of_known_angle_leaves_the_other_where_its_energy_is_least(tmp_p
         return np.array([first, minimize(energy, [0.0], tol=1e-12).x[0]])
 
     tips = 1e3 * np.array([posed_models.places(rest(*each))[1] for each in told])
-    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in np.c_[np.degrees(told), tips])
-    (tmp_path / "log.csv").write_text(f"shoulder_deg,elbow_deg,x,y,z\n{text}\n")
+    table(tmp_path / "log.csv", "shoulder_deg,elbow_deg,x,y,z", np.c_[np.degrees(told), tips], 9)
     _, _, off = opened(path, tmp_path / "log.csv")
     assert np.nanmax(np.abs(off)) < 2e-6  # m
 
@@ -216,8 +215,7 @@ def test_a_column_may_count_from_the_keyframe(tmp_path):
 
 def test_a_twin_is_written_without_what_holds_it(tmp_path):
     path = swinging_models.machine(tmp_path)
-    rig = open_machine(path)
-    case = rig.open(rig.read(swinging_models.log(tmp_path / "log.csv", 0)))
+    case, *_ = opened(path, swinging_models.log(tmp_path / "log.csv", 0))
     case.write(ParameterVector.nominal(case.declared), tmp_path / "twin.json", {})
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
     assert model.neq == 0 and model.jnt_limited[0]

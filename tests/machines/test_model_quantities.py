@@ -6,11 +6,10 @@ import moving_models
 import numpy as np
 import posed_models
 import pytest
+from example import opened, table
 
 from serpent_twin.effects.sensor_delay import SensorDelay
 from serpent_twin.identification.run import Trace, trace
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.residual import analyse, describe
@@ -32,10 +31,8 @@ def traced(tmp_path, **how):
 
 
 def test_angles_and_currents_of_motors_are_predicted_each_in_its_unit(tmp_path):
-    rig = open_machine(with_currents(tmp_path))
-    recordings = rig.read(moving_models.log(tmp_path / "log.csv", 0))
-    case = rig.open(recordings)
-    compared = case.compare(None, case.pieces(recordings))
+    case, pieces, _ = opened(with_currents(tmp_path), moving_models.log(tmp_path / "log.csv", 0))
+    compared = case.compare(None, pieces)
     assert (compared.marker.unit, compared.load.unit) == ("°", "mN m")
     assert compared.marker_names == ("shoulder", "elbow")
     assert compared.load_names == ("at_shoulder", "at_elbow")
@@ -82,12 +79,9 @@ def test_lengths_of_tendons_and_forces_of_actuators_are_those_of_statics(tmp_pat
     pulled = np.linspace(-0.05, 0.05, 40)
     turned = k * r * pulled / (c + k * r**2)
     rows = np.c_[np.arange(40.0), pulled, 0 * pulled, 1e3 * r * turned, k * (pulled - r * turned)]
-    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
-    (tmp_path / "log.csv").write_text(f"time,pulled,current,cable_mm,pull\n{text}\n")
-    rig = open_machine(tmp_path / "machine.toml")
-    recordings = rig.read(tmp_path / "log.csv")
-    case = rig.open(recordings)
-    compared = case.compare(None, case.pieces(recordings))
+    table(tmp_path / "log.csv", "time,pulled,current,cable_mm,pull", rows, 9)
+    case, pieces, _ = opened(tmp_path / "machine.toml", tmp_path / "log.csv")
+    compared = case.compare(None, pieces)
     assert (compared.marker.unit, compared.load.unit) == ("mm", "N")
     assert np.nanmax(np.abs(compared.marker_residual)) < 1e-8  # m
     assert np.nanmax(np.abs(compared.load_residual)) < 1e-4  # N
@@ -114,13 +108,10 @@ def test_what_is_not_of_the_pose_comes_after_it(tmp_path):
     # The site is where the mass is: what holds it up, in the frame of the turned link.
     force = weight * np.stack([-np.sin(turn), 0 * turn, np.cos(turn)], axis=1)
     rows = np.c_[np.degrees(goals), angles, force]
-    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
-    (tmp_path / "log.csv").write_text(f"shoulder_deg,elbow_deg,q1,q2,fx,fy,fz\n{text}\n")
-    rig = open_machine(path)
-    recordings = rig.read(tmp_path / "log.csv")
-    case = rig.open(recordings)
+    table(tmp_path / "log.csv", "shoulder_deg,elbow_deg,q1,q2,fx,fy,fz", rows, 9)
+    case, pieces, _ = opened(path, tmp_path / "log.csv")
     assert [each.name for each in case.machine.outputs] == ["q2", "q1", "fx", "fy", "fz"]
-    compared = case.compare(None, case.pieces(recordings))
+    compared = case.compare(None, pieces)
     assert compared.marker_names == ("elbow", "shoulder")
     assert compared.load_names == ("fx", "fy", "fz")
     assert np.nanmax(compared.distance) < 1e-5  # rad
@@ -138,11 +129,7 @@ def test_a_late_reading_is_late_at_its_own_place_only(tmp_path):
     log = posed_models.log(tmp_path / "log.csv", 0)
     head, *rows = log.read_text().splitlines()
     log.write_text("\n".join([f"{head},u,v,w", *(f"{row},{n},0,0" for n, row in enumerate(rows))]))
-    rig = open_machine(path)
-    recordings = rig.read(log)
-    case = rig.open(recordings)
-    pieces = case.pieces(recordings)
-    at = ParameterVector.nominal(case.declared)
+    case, pieces, at = opened(path, log)
     seen = case.machine.respond([at], pieces)[0]
     a_row_late = SensorDelay(float(pieces.period[0]), at="bend")
     late = reread(

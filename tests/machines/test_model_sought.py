@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from example import table
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import open_machine
@@ -38,8 +39,7 @@ def opened(folder, candidates="", base="", measured=JOINTS):
     goals = 0.02 * np.sin(np.outer(time, 1 + 0.1 * np.arange(JOINTS)))
     rows = np.c_[time, goals, goals[:, :measured]]
     names = ["t", *(f"c{n}" for n in range(JOINTS)), *(f"q{n}" for n in range(measured))]
-    text = "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
-    (folder / "log.csv").write_text(f"{','.join(names)}\n{text}\n")
+    table(folder / "log.csv", f"{','.join(names)}", rows, 6)
     rig = open_machine(folder / "machine.toml")
     return rig.open(rig.read(folder / "log.csv"))
 

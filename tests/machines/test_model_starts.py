@@ -1,9 +1,7 @@
 """Test that what a twin may leave holds the error of a start that is known by noisy readings."""
 
 import numpy as np
-
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.model import open_machine
+from example import Example, opened
 
 MASS, GEAR, NOISE, RATE = 2.0, 3.0, 2e-4, 50.0  # [kg], [N], [m], [Hz]
 CART = f"""<mujoco>
@@ -42,13 +40,9 @@ def _log(path, seed, rows=1500):
 
 def test_an_error_of_the_start_that_noise_makes_is_expected(tmp_path):
     """A cart that nothing brakes drifts by the noise of its start; of a spring, none would be left."""
-    (tmp_path / "cart.xml").write_text(CART)
-    (tmp_path / "machine.toml").write_text(TOML)
+    Example(CART, TOML).write(tmp_path)
     _log(tmp_path / "log.csv", 1)
-    rig = open_machine(tmp_path / "machine.toml")
-    logs = rig.read(tmp_path / "log.csv")
-    case = rig.open(logs)
-    pieces, true = case.pieces(logs), ParameterVector.nominal(case.declared)
+    case, pieces, true = opened(tmp_path / "machine.toml", tmp_path / "log.csv")
     off = pieces.measured - case.machine.respond([true], pieces)[0]
     left = 1e3 * np.nanmean(np.abs(off))
     wanted = case.expected(true, [true] * 4, pieces, np.random.default_rng(0))

@@ -208,10 +208,7 @@ def test_a_place_that_is_not_there_is_refused():
 
 
 def lever(tmp_path):
-    rig = open_machine(pulled_lever.machine(tmp_path))
-    recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 0))
-    case = rig.open(recordings)
-    return case, case.pieces(recordings), ParameterVector.nominal(case.declared)
+    return pulled_lever.opened(tmp_path, 0)
 
 
 def test_a_law_that_is_absent_leaves_a_model_bit_for_bit_as_it_was(tmp_path, monkeypatch):
@@ -225,12 +222,10 @@ def test_a_law_that_is_absent_leaves_a_model_bit_for_bit_as_it_was(tmp_path, mon
 
 
 def test_laws_in_motion_are_refused_in_poses(tmp_path):
-    rig = open_machine(posed_models.machine(tmp_path))
-    recordings = rig.read(posed_models.log(tmp_path / "log.csv", 0))
-    case = rig.open(recordings)
+    case, pieces, _ = posed_models.opened(tmp_path, 0)
     at = ParameterVector.nominal(case.declared, {"stribeck@elbow": np.array([0.1, 0.2])})
     with pytest.raises(SerpentError, match="stribeck@elbow acts in motion"):
-        case.residual([at], case.pieces(recordings))
+        case.residual([at], pieces)
 
 
 def test_laws_are_sought_where_the_model_has_a_place_for_them(tmp_path):

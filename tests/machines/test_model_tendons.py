@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from example import Example
 from mujoco.batch import Batch
 
 from serpent_twin.effects import KNOWN
@@ -53,8 +54,7 @@ of = []
 @pytest.fixture
 def path(tmp_path):
     """A machine.toml beside its model, and a log."""
-    (tmp_path / "model.xml").write_text(MJCF)
-    (tmp_path / "machine.toml").write_text(TOML)
+    Example(MJCF, TOML).write(tmp_path)
     time = np.arange(0, 2, 0.005)
     columns = {
         "time": time,

@@ -3,13 +3,12 @@
 import numpy as np
 import pulled_lever
 import pytest
+from example import opened
 from made_diagnosis import IDENTIFIABILITY
 
 from serpent_twin.identification import check_logs
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.model import open_machine
 from serpent_twin.residual import settled
 
 RUBS, SECONDS = 0.06, 60.0
@@ -53,22 +52,15 @@ def test_check_says_that_a_joint_warms_up(warm, capsys, monkeypatch):
 
 def test_steady_friction_does_not_settle(tmp_path):
     path, logs = lever(tmp_path, rubbing)
-    rig = open_machine(path)
-    recordings = rig.read(logs)
-    case = rig.open(recordings)
-    start = ParameterVector.nominal(case.declared)
-    assert not settled(case.compare(start, case.pieces(recordings)))
+    case, pieces, start = opened(path, logs)
+    assert not settled(case.compare(start, pieces))
 
 
 def test_its_law_has_the_right_numbers(warm):
     """Beside the friction of the warm joint."""
     path, logs = warm
-    rig = open_machine(path)
-    recordings = rig.read(logs)
-    case = rig.open(recordings)
-    pieces = case.pieces(recordings)
+    case, pieces, begun = opened(path, logs)
     names = ["hinge_friction@pivot", "friction_warming@pivot"]
-    begun = ParameterVector.nominal(case.declared)
     begun = begun.having(names[0], np.array([0.04, 0.001])).having(names[1], np.array([0.03, 30.0]))
     found = fit(case, pieces, begun, free_parameters(case, names), 4, 40)
     coulomb, extra = found.point.effects[names[0]][0], found.point.effects[names[1]]

@@ -4,9 +4,9 @@ import re
 
 import numpy as np
 import pytest
+from example import Example, opened
 
 from serpent_twin.identification.excitation import excitation
-from serpent_twin.machines.model import open_machine
 from serpent_twin.residual import analyse, describe
 from serpent_twin.residual.features import features
 from serpent_twin.residual.figures import figures
@@ -47,17 +47,14 @@ OF_THE_ARM = re.compile(r"marker|camera|load|base to the tip|along the machine|o
 def compared(tmp_path_factory):
     """The cart of a log beside its model, which is 5 mm off where the goal is."""
     folder = tmp_path_factory.mktemp("cart")
-    (folder / "cart.xml").write_text(CART)
-    (folder / "machine.toml").write_text(TOML)
+    Example(CART, TOML).write(folder)
     time, rng = np.arange(0.0, 10.0, 0.02), np.random.default_rng(0)
     goal, current = 40 * np.sin(2 * time), 0.3 * np.cos(3 * time)
     seen = np.c_[goal + 5 * np.sign(goal), 0 * time, 0 * time] + 0.2 * rng.standard_normal((500, 3))
     rows = "\n".join(",".join(map(str, row)) for row in np.c_[time, goal, current, seen])
     (folder / "log.csv").write_text(f"t,goal,current,x,y,z\n{rows}\n")
-    rig = open_machine(folder / "machine.toml")
-    logs = rig.read(folder / "log.csv")
-    case = rig.open(logs)
-    return case.compare(None, case.pieces(logs))
+    case, pieces, _ = opened(folder / "machine.toml", folder / "log.csv")
+    return case.compare(None, pieces)
 
 
 def test_how_far_drives_move_is_in_their_own_units(compared):

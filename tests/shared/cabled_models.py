@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from example import Example, table
 from posed_models import LENGTHS
 
 MJCF = """<mujoco>
@@ -51,16 +52,12 @@ noise = 0.01
 
 def cabled(folder: Path, rows: str, integrator="implicitfast") -> Path:
     """Write the model and its machine.toml; returns the latter's path."""
-    (folder / "arm.xml").write_text(MJCF.format(integrator=integrator))
-    (folder / "machine.toml").write_text(TOML.format(rows=rows))
-    return folder / "machine.toml"
+    return Example(MJCF.format(integrator=integrator), TOML.format(rows=rows)).write(folder)
 
 
 def lines(path: Path, rows) -> Path:
     """Write a log of rows as CSV; returns its path."""
-    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
-    path.write_text(f"t,wound,x,y,z,long\n{text}\n")
-    return path
+    return table(path, "t,wound,x,y,z,long", rows, 9)
 
 
 def span(angles):

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from example import Example, table
 from scipy.optimize import root
 
 LENGTHS, MASSES, SPRINGS = (0.2, 0.2, 0.15), (0.2, 0.15, 0.1), (1.5, 1.0, 0.6)
@@ -110,9 +111,7 @@ def machine(folder: Path) -> Path:
     for n in range(3):
         at = -LENGTHS[n - 1] if n else 0
         links += LINK.format(n=n + 1, at=at, spring=SPRINGS[n], mass=MASSES[n], length=LENGTHS[n])
-    (folder / "chain.xml").write_text(MJCF.format(links=links + "</body>" * 3))
-    (folder / "machine.toml").write_text(TOML)
-    return folder / "machine.toml"
+    return Example(MJCF.format(links=links + "</body>" * 3), TOML).write(folder)
 
 
 def log(path: Path, seed: int, law: Law | None = None, poses: int = 45) -> Path:
@@ -121,10 +120,7 @@ def log(path: Path, seed: int, law: Law | None = None, poses: int = 45) -> Path:
     told = STRAIGHT - rng.uniform(-0.02, 0.1, (poses, 2))
     seen = np.array([shown(rest(each, law)) for each in told])
     rows = np.c_[told, seen + 2e-4 * rng.standard_normal(seen.shape)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
-    path.write_text(f"left,right,x2,y2,z2,x3,y3,z3\n{text}\n")
-    return path
+    return table(path, "left,right,x2,y2,z2,x3,y3,z3", rows, 9)
 
 
 STOP, BELOW = 1.5, -0.2  # [N m/rad] against the third joint beyond an angle [rad]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import posed_models
+from example import Example, table
 from posed_models import GAIN, LENGTHS, MASSES, SPRINGS
 from scipy.integrate import solve_ivp
 
@@ -86,14 +87,6 @@ measured = [
 """
 
 
-def machine(folder: Path) -> Path:
-    """Write the model and its machine.toml; returns the latter's path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "arm.xml").write_text(MJCF)
-    (folder / "machine.toml").write_text(TOML)
-    return folder / "machine.toml"
-
-
 def log(path: Path, seed: int, friction=0.0, at_tip=0.0, late=0.0, stop=0.0) -> Path:
     """Write a motion as CSV, with noise of 0.5 mrad, and of 4 mA in the motors' currents, of 0.5 N m/A, which
     are read before a row's goals are told: the elbow has Coulomb friction [N m] and a bumper [N m/rad] beyond
@@ -139,7 +132,8 @@ def log(path: Path, seed: int, friction=0.0, at_tip=0.0, late=0.0, stop=0.0) -> 
     torque = GAIN * (np.array([goal(t - 1e-6) for t in time]) - found.y[:2].T)
     current = torque / PER_AMPERE + 4e-3 * rng.standard_normal(torque.shape)
     rows = np.c_[time, goals, seen, current]
-    text = "\n".join(",".join(f"{v:.7f}" for v in row) for row in rows)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(f"t,goal_1,goal_2,angle_1,angle_2,current_1,current_2\n{text}\n")
-    return path
+    return table(path, "t,goal_1,goal_2,angle_1,angle_2,current_1,current_2", rows, 7)
+
+
+EXAMPLE = Example(MJCF, TOML, log)
+machine, opened = EXAMPLE.write, EXAMPLE.opened

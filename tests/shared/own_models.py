@@ -6,6 +6,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from example import table
 
 RATE, SECONDS, NOISE, FINER = 50.0, 4.1, 2e-4, 10  # [Hz], [s], [rad, m], times as fine steps
 _UNTOUCHED = 'contype="0" conaffinity="0"'
@@ -284,9 +285,7 @@ def _log(path: Path, own: OwnModel, seed: int) -> None:
     for thing in own.measured:
         kind, of = thing.split()
         columns += [f"{of}_{axis}" for axis in "xyz"] if kind == "site" else [of]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = "\n".join(",".join(f"{v:.7f}" for v in row) for row in np.c_[time, told, readings])
-    path.write_text(f"t,{','.join(columns)}\n{text}\n")
+    table(path, f"t,{','.join(columns)}", np.c_[time, told, readings], 7)
 
 
 def _read(model: mujoco.MjModel, data: mujoco.MjData, own: OwnModel) -> np.ndarray:

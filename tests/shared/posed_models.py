@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from example import Example, table
 from scipy.optimize import minimize
 
 MASSES, LENGTHS, SPRINGS = (0.4, 0.25), (0.3, 0.25), (1.5, 0.8)  # [kg], [m], [N m/rad]
@@ -79,14 +80,6 @@ def rest(goals, gravity, friction=(0.0, 0.0), before=None):
     return before + found.x[:2] - found.x[2:]
 
 
-def machine(folder: Path) -> Path:
-    """Write the model and its machine.toml; returns the latter's path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "arm.xml").write_text(MJCF)
-    (folder / "machine.toml").write_text(TOML)
-    return folder / "machine.toml"
-
-
 def log(
     path: Path,
     seed: int,
@@ -114,7 +107,8 @@ def log(
     seen = np.array([places(each)[1] for each in angles])
     seen = 1e3 * seen + 0.3 * rng.standard_normal(seen.shape)
     rows = np.c_[np.degrees(goals), seen]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
-    path.write_text(f"shoulder_deg,elbow_deg,x,y,z\n{text}\n")
-    return path
+    return table(path, "shoulder_deg,elbow_deg,x,y,z", rows, 6)
+
+
+EXAMPLE = Example(MJCF, TOML, log)
+machine, opened = EXAMPLE.write, EXAMPLE.opened

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from example import Example, table
 from scipy.integrate import solve_ivp
 
 RATE, SECONDS = 20.0, 26.0  # [Hz], [s]
@@ -30,14 +31,6 @@ uncertain = [{ number = "joint damping", of = ["pivot"] }, { number = "joint sti
 drive = [{ actuator = "winch", column = "pulled", unit = "m" }]
 measured = [{ joint = "pivot", columns = ["angle"], unit = "rad", noise = 0.0005 }]
 """
-
-
-def machine(folder: Path) -> Path:
-    """Write the model and its machine.toml; returns the latter's path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "lever.xml").write_text(MJCF)
-    (folder / "machine.toml").write_text(TOML)
-    return folder / "machine.toml"
 
 
 def nothing(t, q, v, stretch, memory):
@@ -74,7 +67,8 @@ def log(path: Path, seed: int, law=nothing, noise=NOISE, seconds=SECONDS) -> Pat
     )
     seen = found.y[0] + noise * rng.standard_normal(len(time))
     rows = np.c_[time, [told(t) for t in time], seen]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = "\n".join(",".join(f"{v:.8f}" for v in row) for row in rows)
-    path.write_text(f"t,pulled,angle\n{text}\n")
-    return path
+    return table(path, "t,pulled,angle", rows, 8)
+
+
+EXAMPLE = Example(MJCF, TOML, log)
+machine, opened = EXAMPLE.write, EXAMPLE.opened

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from example import Example, table
 from posed_models import LENGTHS, MASSES
 from scipy.integrate import solve_ivp
 
@@ -39,14 +40,6 @@ columns = ["angle"]
 unit = "rad"
 noise = 0.0005
 """
-
-
-def machine(folder: Path) -> Path:
-    """Write the model and its machine.toml; returns the latter's path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "arm.xml").write_text(MJCF)
-    (folder / "machine.toml").write_text(TOML)
-    return folder / "machine.toml"
 
 
 def turning(rng: np.random.Generator, sharp: float = 0.0):
@@ -103,7 +96,8 @@ def log(path: Path, seed: int, spring=0.0, sharp=0.0, noise=5e-4, push=None) -> 
     told, time = turning(rng, sharp), np.arange(0.0, SECONDS, 1 / RATE)
     seen = np.array([[told(t)[0] for t in time], swing(time, told, spring, push=push)]).T
     rows = np.c_[time, seen + noise * rng.standard_normal(seen.shape) * [0.2, 1.0]]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = "\n".join(",".join(f"{v:.8f}" for v in row) for row in rows)
-    path.write_text(f"t,encoder,angle\n{text}\n")
-    return path
+    return table(path, "t,encoder,angle", rows, 8)
+
+
+EXAMPLE = Example(MJCF, TOML, log)
+machine, opened = EXAMPLE.write, EXAMPLE.opened

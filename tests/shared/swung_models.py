@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from example import Example, table
 from scipy.integrate import solve_ivp
 
 MASS, LENGTH, GAIN, DAMPING = 0.3, 0.25, 4.0, 0.12  # [kg], [m], [N m/rad], [N m s/rad]
@@ -26,14 +27,6 @@ time = { column = "t_ms", unit = "ms" }
 drive = [{ actuator = "servo", column = "goal_deg", unit = "deg", scale = -1 }]
 measured = [{ joint = "pivot", columns = ["angle"], unit = "rad", noise = 0.0005 }]
 """
-
-
-def machine(folder: Path) -> Path:
-    """Write the model and its machine.toml; returns the latter's path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "lever.xml").write_text(MJCF)
-    (folder / "machine.toml").write_text(TOML)
-    return folder / "machine.toml"
 
 
 def slow(seed: int, seconds: float) -> np.ndarray:
@@ -65,7 +58,8 @@ def log(path: Path, goals: np.ndarray, seed: int, friction=0.0, late=0.0, play=0
     )
     seen = found.y[0] + NOISE * np.random.default_rng(seed).standard_normal(len(time))
     rows = np.c_[1e3 * time, -np.degrees(goals), seen]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = "\n".join(",".join(f"{v:.7f}" for v in row) for row in rows)
-    path.write_text(f"t_ms,goal_deg,angle\n{text}\n")
-    return path
+    return table(path, "t_ms,goal_deg,angle", rows, 7)
+
+
+EXAMPLE = Example(MJCF, TOML, log)
+machine, opened = EXAMPLE.write, EXAMPLE.opened
