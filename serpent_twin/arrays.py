@@ -1,4 +1,4 @@
-"""Name the type of an array of floats, whose shape and unit are in the docstrings; multiply vectors."""
+"""Name the type of an array of floats, whose shape and unit are in the docstrings; small arithmetic."""
 
 from typing import Any
 
@@ -6,6 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
+
+
+def known_mean(values: Array, axis: int) -> Array:
+    """Mean along an axis over what is finite; NaN where nothing is."""
+    known = np.isfinite(values)
+    total, count = np.where(known, values, 0.0).sum(axis=axis), known.sum(axis=axis)
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -9,14 +9,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from serpent_twin.arm.control import HOLD, random_targets
-from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm, joint_from_motor
+from serpent_twin.arm.control import random_targets
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import RateHz, Seed, Steps, check_arguments
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.extras import requires
+from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.motor_bus import MotorBus, MotorState
-from serpent_twin.hardware.xl430 import VELOCITY_LIMIT, VELOCITY_UNIT, Words
+from serpent_twin.hardware.xl430 import POSITION_UNIT, VELOCITY_LIMIT, VELOCITY_UNIT, Words
 
 with requires("env", "The environment"):
     from dm_control.rl import control
@@ -96,8 +97,8 @@ class FollowTargets(control.Task):
     angles [rad]: it needs nothing but the bus, so it is the same on hardware.
     """
 
-    def __init__(self, rng: np.random.Generator, steps: int = 100, arm: Arm | None = None) -> None:
-        self._rng, self._steps, self._arm = rng, steps, arm or Arm()
+    def __init__(self, rng: np.random.Generator, steps: int) -> None:
+        self._rng, self._steps = rng, steps
         self._targets = np.zeros((1, N_JOINTS))
         self._step = 0
 
@@ -108,7 +109,7 @@ class FollowTargets(control.Task):
 
     def initialize_episode(self, physics: BusPhysics) -> None:
         """Draw the targets of an episode."""
-        self._targets, self._step = random_targets(self._steps, self._rng, self._arm, HOLD), 0
+        self._targets, self._step = random_targets(self._steps, self._rng), 0
 
     def before_step(self, action: Array, physics: BusPhysics) -> None:
         """Send the action to the motors."""
@@ -148,10 +149,10 @@ class FollowTargets(control.Task):
 
     def observation_spec(self, physics: BusPhysics) -> OrderedDict[str, specs.BoundedArray]:
         """Bounds are those of the registers; a position is multi-turn, a register of 32 bits."""
-        reach = 2**31 * 2 * np.pi / 4096
+        reach, fastest = 2**31 * POSITION_UNIT, TABLE["velocity_limit"].high * VELOCITY_UNIT
         limits = {
             "position": (N_MOTORS, -reach, reach),
-            "velocity": (N_MOTORS, -1023 * VELOCITY_UNIT, 1023 * VELOCITY_UNIT),
+            "velocity": (N_MOTORS, -fastest, fastest),
             "load": (N_MOTORS, -1.0, 1.0),
             "voltage": (N_MOTORS, 0.0, 16.0),
             "temperature": (N_MOTORS, 0.0, 100.0),

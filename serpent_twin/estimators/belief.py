@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.readouts.covariance import SHARE, reach2
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,14 @@ class Belief:
         off = (measured - self.marker)[..., None]
         return (np.swapaxes(off, -1, -2) @ np.linalg.solve(self.covariance, off))[..., 0, 0]
 
-    def coverage(self, measured: Array, share: float = 0.95) -> float:
+    def coverage(self, measured: Array, share: float = SHARE) -> float:
         """Share of the measured markers that lie within their ellipsoids of that share."""
         far = self.distance2(measured)
-        return float((far[np.isfinite(far)] <= scipy.special.chdtri(3, 1 - share)).mean())
+        return float((far[np.isfinite(far)] <= reach2(share)).mean())
 
-    def scale_to(self, measured: Array, share: float = 0.95) -> Array:
-        """Factor of each marker's covariance with which its ellipsoids of that share hold it, (9,)."""
-        far = self.distance2(measured)
-        return np.nanquantile(far, share, axis=0) / scipy.special.chdtri(3, 1 - share)
+    def scale_to(self, measured: Array) -> Array:
+        """Factor of each marker's covariance with which its ellipsoids hold it in 95 %, (9,)."""
+        return np.nanquantile(self.distance2(measured), SHARE, axis=0) / reach2()
 
 
 def unknown() -> Belief:

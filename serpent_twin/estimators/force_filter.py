@@ -10,12 +10,12 @@ hypothesis.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.estimators.coloured_noise import ColouredNoise
+from serpent_twin.readouts.covariance import reach2
 
 SIZE = 0.5
 """Standard deviation of each component of a force that begins [N]"""
@@ -32,7 +32,6 @@ ALARM = 3600.0
 _AXES = 3
 _LEAST = 1e-30  # of a hypothesis: it can always come back
 _TINY = 1e-12  # [N²]
-_HELD = 0.95
 
 
 @dataclass(frozen=True)
@@ -221,4 +220,4 @@ def _bounds(now: LoadErrors, slope: Array, force: Array) -> Array:
     if not holding.size:
         return np.zeros((3, 3))
     each = slope[holding] / now.friction[holding, None]
-    return scipy.special.chdtri(3, 1 - _HELD) / len(holding) * each.T @ each
+    return reach2() / len(holding) * each.T @ each

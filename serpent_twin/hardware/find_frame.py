@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS, markers
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, known_mean
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import Rigid, fit_rigid
@@ -70,7 +70,7 @@ def fit_straight(
         )
     shown = np.isfinite(seen).all(axis=-1)
     _refuse(shown.mean(axis=0) < SHOWN, labels, "hidden from the cameras", "Make them visible.")
-    first, second = (_mean(half) for half in np.array_split(seen, 2))
+    first, second = (known_mean(half, axis=0) for half in np.array_split(seen, 2))
     stray = np.linalg.norm(second - first, axis=-1)
     swing = np.linalg.norm(np.nanstd(seen, axis=0), axis=-1)
     still = (stray <= STILL) & (swing <= SWING)  # false for NaN: lost in one half
@@ -86,12 +86,6 @@ def fit_straight(
         f"Residuals in mm: {sizes}. Straighten the arm, or correct the order of the labels.",
     )
     return rigid, left
-
-
-def _mean(seen: Array) -> Array:
-    """Mean of the frames that show a marker, (9, 3); NaN for one that none shows."""
-    count = np.isfinite(seen).sum(axis=0)
-    return np.where(count > 0, np.nansum(seen, axis=0) / np.maximum(count, 1), np.nan)
 
 
 def _refuse(bad: np.ndarray, labels: list[str], fault: str, advice: str) -> None:

@@ -18,7 +18,6 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from scipy.spatial.transform import Rotation
-from scipy.special import chdtri
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor, middles
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
@@ -27,6 +26,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import Belief
 from serpent_twin.hardware.dynamixel.shutdown import STOPPING
 from serpent_twin.live.sample import Page, Sample
+from serpent_twin.readouts.covariance import reach2
 from serpent_twin.readouts.score import distances, step_means
 from serpent_twin.reporting.marker_looks import ESTIMATED, MEASURED
 from serpent_twin.reporting.rerun_colours import hue
@@ -227,13 +227,13 @@ class Drawing:
         writer.send(path, rr.Scalars.columns(scalars=value[row]), row)
 
 
-def ellipsoids(covariance: Array, share: float = 0.95) -> tuple[Array, Rotation]:
-    """Half axes [m], (N, 3), and rotations of ellipsoids that hold a share of normal errors of
-    these covariances [m²], (N, 3, 3).
+def ellipsoids(covariance: Array) -> tuple[Array, Rotation]:
+    """Half axes [m], (N, 3), and rotations of ellipsoids that hold 95 % of normal errors of these covariances
+    [m²], (N, 3, 3).
     """
     variance, axes = np.linalg.eigh(covariance)
     axes[..., -1] *= np.linalg.det(axes)[:, None]  # right-handed
-    return np.sqrt(chdtri(3, 1 - share) * np.maximum(variance, 0)), Rotation.from_matrix(axes)
+    return np.sqrt(reach2() * np.maximum(variance, 0)), Rotation.from_matrix(axes)
 
 
 def open_viewer(patience: float = 20.0) -> None:

@@ -5,6 +5,9 @@ import scipy
 
 from serpent_twin.arrays import Array
 
+SHARE = 0.95
+"""Of the errors that an ellipsoid holds, where no other share is stated"""
+
 
 def covariance_of(error: Array) -> Array:
     """Mean outer products of marker errors [m], (N, 9, 3), about zero, (9, 3, 3); NaN is left out."""
@@ -15,14 +18,17 @@ def covariance_of(error: Array) -> Array:
     return found + 1e-12 * np.eye(3)  # (1 µm)², so that it can be inverted
 
 
-def growth(errors: float, share: float = 0.95) -> float:
-    """Factor of a covariance estimated from few independent errors with which its ellipsoids of that share
-    hold the next one (Hotelling).
+def reach2(share: float = SHARE) -> float:
+    """Squared Mahalanobis distance within which that share of normal errors in space lies."""
+    return float(scipy.special.chdtri(3, 1 - share))
+
+
+def growth(errors: float) -> float:
+    """Factor of a covariance estimated from few independent errors with which its ellipsoids of 95 % hold
+    the next one (Hotelling).
     """
     n = max(errors, 4.0)
-    return float(
-        3 * n / (n - 2) * scipy.special.fdtri(3, n - 2, share) / scipy.special.chdtri(3, 1 - share)
-    )
+    return float(3 * n / (n - 2) * scipy.special.fdtri(3, n - 2, SHARE) / reach2())
 
 
 def root_of(covariance: Array) -> Array:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, known_mean
 from serpent_twin.errors import SerpentError
 
 
@@ -57,6 +57,4 @@ def score(estimate: Array, measured: Array) -> Scores:
 
 def step_means(values: Array) -> Array:
     """Mean over the measured markers of each step, (N, 9); (N,), NaN where there are none."""
-    known = np.isfinite(values)
-    total = np.where(known, values, 0.0).sum(axis=1)
-    return np.divide(total, known.sum(axis=1), out=np.full(len(values), np.nan), where=known.any(1))
+    return known_mean(values, axis=1)

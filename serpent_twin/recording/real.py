@@ -104,12 +104,12 @@ def record_session(
 
 
 @contextmanager
-def _kept_on_disk(journal: Journal, every: float = 1.0) -> Iterator[None]:
-    """Force the journal to the disk again and again [s], beside the loop: a slow disk stops no motor."""
+def _kept_on_disk(journal: Journal) -> Iterator[None]:
+    """Force the journal to the disk every second, beside the loop: a slow disk stops no motor."""
     done = threading.Event()
 
     def keep() -> None:
-        while not done.wait(every):
+        while not done.wait(1.0):
             with contextlib.suppress(OSError):  # then the next row says so
                 journal.sync()
 

@@ -48,9 +48,9 @@ def _partial(path: Path) -> Path:
     return path.parent / "partial"
 
 
-def _recover_when_free(journal: Path, patience: float = 10.0) -> None:
+def _recover_when_free(journal: Path) -> None:
     """Recover a journal; a recorder whose parent was killed may need a moment to notice."""
-    until = time.monotonic() + patience
+    until = time.monotonic() + 10.0
     while True:
         try:
             recover(journal)

@@ -58,10 +58,6 @@ class Capacities:
     """Constant channels"""
     cut: float
     """Capacity that chance stays below"""
-    degree: int
-    """Greatest total degree that was searched"""
-    delays: tuple[int, ...]
-    """Greatest delay [rows] that was searched for each total degree, from 1"""
     searched: int
     """Products that were searched"""
 
@@ -125,8 +121,6 @@ def capacities(
         r=span.rank,
         dropped=span.dropped,
         cut=cut,
-        degree=degree,
-        delays=limits,
         searched=len(sought),
     )
 

@@ -34,10 +34,6 @@ class Expansion:
     """Rows used"""
     cut: float
     """Share that chance stays below, for one coordinate"""
-    degree: int
-    """Greatest total degree that was searched"""
-    delays: tuple[int, ...]
-    """Greatest delay [rows] that was searched for each total degree, from 1"""
     searched: int
     """Products that were searched"""
 
@@ -86,8 +82,6 @@ def expand(
         variance=variance,
         T=len(series),
         cut=cut,
-        degree=degree,
-        delays=limits,
         searched=len(sought),
     )
 

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,15 +35,15 @@ def json_text(content: Any, indent: int | None = 1, ensure_ascii: bool = True) -
     return text + "\n"
 
 
-def finite(value: Any) -> Any:
-    """JSON's own kinds of values, None in place of NaN and infinities."""
+def finite(value: Any, number: Callable[[float], float] = float) -> Any:
+    """JSON's own kinds of values, None in place of NaN and infinities; `number` is done to each float."""
     if isinstance(value, Mapping):
-        return {name: finite(each) for name, each in value.items()}
+        return {name: finite(each, number) for name, each in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [finite(each) for each in value]
+        return [finite(each, number) for each in value]
     if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+        return number(value) if np.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value
 
 
 def sync_folder(folder: Path) -> None:

@@ -27,11 +27,8 @@ def warnings(diagnosis):
 def registers(port):
     """All of a motor's settings, which an examination must leave alone."""
     names = [n for n, item in TABLE.items() if item.writable and item.address < 116]
-    wire = Wire(port, 1_000_000)
-    wire.open()
-    found = {n: wire.read(3, TABLE[n]).data for n in names}
-    wire.close()
-    return found
+    with Wire(port, 1_000_000) as wire:
+        return {n: wire.read(3, TABLE[n]).data for n in names}
 
 
 def test_a_sound_bus_has_nothing_against_it_and_stays_as_it_was():
@@ -90,10 +87,8 @@ def test_one_motor_at_another_baud_rate_is_found_there():
     """One has a wrong rate, one is as from the box, with its id, and one is gone."""
     with running("--realtime") as device:
         touch(device.port, (5, "baud_rate", 2), (8, "baud_rate", 1), (9, "id", 99))
-        wire = Wire(device.port, 57_600)
-        wire.open()
-        assert wire.write(8, TABLE["id"], 77)
-        wire.close()
+        with Wire(device.port, 57_600) as wire:
+            assert wire.write(8, TABLE["id"], 77)
         diagnosis = examine(ArmSetup(device.port), reads=0)
     found = {f.what: f.todo for f in diagnosis.findings if f.level == "error"}
     assert set(found) == {

@@ -1,4 +1,4 @@
-"""Test the MotorBus contract of a bus, and the simulated motors' behaviour as XL430."""
+"""Test the simulated motors' behaviour as XL430."""
 
 import numpy as np
 import pytest
@@ -24,11 +24,6 @@ def test_register_units_are_the_manuals():
     assert xl430.POSITION_UNIT * 4096 == pytest.approx(2 * np.pi)
     assert xl430.words(61 * RPM, xl430.VELOCITY_UNIT) == 266
     assert xl430.words([-0.5, 0.0012], xl430.LOAD_UNIT).tolist() == [-500, 1]
-
-
-def test_write_returns_what_was_sent_quantised_and_limited(bus):
-    sent = bus.write_velocity([0.1, -0.1, 0.011, 0.013, 100, -100, 0, 0, 0, 0])
-    assert sent / xl430.VELOCITY_UNIT == pytest.approx([4, -4, 0, 1, 265, -265, 0, 0, 0, 0])
 
 
 def test_motors_run_at_the_goal_and_stop_at_zero(bus):
@@ -95,9 +90,6 @@ def test_torque_off_is_the_way_out(bus):
     bus.write_velocity(np.full(10, 0.5))
     bus.wait(0.25)
     bus.close()
-    bus.close()
-    with pytest.raises(BusError, match="not connected"):
-        bus.wait(0.25)
     force = bus.twin.advance(np.full(10, 0.5), 0.25)
     assert np.array_equal(force, np.zeros_like(force))
 
@@ -108,12 +100,6 @@ def test_torque_is_switched_off_when_the_body_of_with_fails():
         bus.enable_torque()
         raise ZeroDivisionError
     assert not bus.motors.torque.any()
-
-
-@pytest.mark.parametrize("goal", [np.zeros(9), np.full(10, np.nan), [np.inf] * 10])
-def test_goals_that_are_no_ten_numbers_are_refused(bus, goal):
-    with pytest.raises(BusError, match="10 finite numbers"):
-        bus.write_velocity(goal)
 
 
 def test_overload_trips_a_stalled_motor_and_a_reboot_loses_its_turns():

@@ -11,7 +11,7 @@ from serpent_twin.effects.payload import Payload
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
-from serpent_twin.estimators import find, load
+from serpent_twin.estimators import find
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import SessionWindows, cut
@@ -135,14 +135,6 @@ def test_a_wrong_twin_states_how_wrong_it_was_in_training(sessions):
     test = windows(sessions[2])
     assert error_mm(wrong, test) > 5
     assert 0.88 <= wrong.follow(test).coverage(test.marker) <= 0.995
-
-
-def test_comes_back_from_its_folder_the_same(sessions, observer, tmp_path):
-    observer.save(tmp_path)
-    again = load(tmp_path, 4)
-    test = windows(sessions[2])
-    np.testing.assert_array_equal(again.follow(test).marker, observer.follow(test).marker)
-    np.testing.assert_array_equal(again.follow(test).covariance, observer.follow(test).covariance)
 
 
 def test_refuses_to_follow_untrained_and_rows_out_of_order(sessions, observer):

@@ -12,7 +12,7 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.base_tilt import BaseTilt
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
-from serpent_twin.estimators import find, load
+from serpent_twin.estimators import find
 from serpent_twin.estimators.weighing_observer import followed
 from serpent_twin.live.estimate import estimate
 from serpent_twin.live.options import Estimate
@@ -111,14 +111,6 @@ def test_a_live_run_says_what_it_weighed(weighing, tmp_path, capsys):
     assert found["payload.mass"]["value"] == pytest.approx(0.03, abs=0.006)
     assert 0 < found["payload.mass"]["std"] < 0.01 and found["payload.mass"]["unit"] == "kg"
     assert "By loads at the end: payload.mass 0.0" in capsys.readouterr().out
-
-
-def test_a_saved_one_says_the_same(weighing, tmp_path):
-    weighing.save(tmp_path)
-    test = windows_of(ARM, 3).sessions[0]
-    again = load(tmp_path).follow(test)
-    np.testing.assert_array_equal(again.marker, weighing.follow(test).marker)
-    np.testing.assert_array_equal(again.covariance, weighing.follow(test).covariance)
 
 
 def test_what_loads_cannot_follow_is_refused():

@@ -1,22 +1,18 @@
 """Test that the simulated bus and the Dynamixel bus, on the device, keep the same contract."""
 
 from contextlib import contextmanager
-from dataclasses import fields
 
 import numpy as np
 import pytest
+from wire_bench import PERIOD, WIDE, words
 
 from serpent_twin.emulator.device import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware import xl430
 from serpent_twin.hardware.dynamixel import DynamixelBus
 from serpent_twin.hardware.dynamixel.setup import ArmSetup
-from serpent_twin.hardware.limits import Limits
 from serpent_twin.hardware.motor_bus import BusError
-from serpent_twin.hardware.xl430 import Registers
 
-PERIOD = 0.25
-WIDE = Limits(joint_angle=100.0, load=9.0)
 _OPTIONS = "--lockstep --load-noise 0.02 --start-counts 0"  # counted as in process
 
 
@@ -42,18 +38,13 @@ def bus(request):
         yield bus
 
 
-def words(bus):
-    registers = bus.read_state().registers
-    return {f.name: getattr(registers, f.name).tolist() for f in fields(Registers)}
-
-
 def test_the_same_commands_give_the_same_words_step_by_step():
     rng = np.random.default_rng(5)
     with in_process() as here, over_the_wire() as there:
         here.enable_torque()
         there.enable_torque()
         for _ in range(60):
-            assert words(here) == words(there)
+            assert words(here.read_state()) == words(there.read_state())
             velocity = rng.uniform(-0.5, 0.5, 10)
             assert np.array_equal(here.write_velocity(velocity), there.write_velocity(velocity))
             assert here.wait(PERIOD) == pytest.approx(there.wait(PERIOD), abs=1e-9)

@@ -54,25 +54,23 @@ def test_random_bytes_are_never_an_answer(seed):
     """A port that answers every request with noise, some of it shaped like packets."""
     host, slave = os.openpty()
     rng = np.random.default_rng(seed)
-    wire = Wire(os.ttyname(slave), 1_000_000, latency=0.002)
-    wire.open()
-    for _ in range(40):
-        header = b"\xff\xff\xfd\x00\x01" + bytes(
-            rng.choice([3, 4, 7, 30, 255], 2).astype(np.uint8).tolist()
-        )
-        os.write(host, rng.bytes(int(rng.integers(0, 80))) + header + b"\x55" + rng.bytes(40))
-        assert wire.sync_read(range(1, 11), 120, 27) == {}
-        os.read(host, 4096)
-    wire.close()
+    with Wire(os.ttyname(slave), 1_000_000, latency=0.002) as wire:
+        for _ in range(40):
+            header = b"\xff\xff\xfd\x00\x01" + bytes(
+                rng.choice([3, 4, 7, 30, 255], 2).astype(np.uint8).tolist()
+            )
+            os.write(host, rng.bytes(int(rng.integers(0, 80))) + header + b"\x55" + rng.bytes(40))
+            assert wire.sync_read(range(1, 11), 120, 27) == {}
+            os.read(host, 4096)
 
 
 def test_a_reader_of_four_motors_reads_four():
     with running("--count", "4", "--no-paced") as device:
         device.trigger("overload", 2)
-        wire = Wire(device.port, 1_000_000)
-        wire.open()
-        read = StateReader(MotorRegisters(wire, (1, 2, 3, 4)), time.monotonic).attempt().registers
-        wire.close()
+        with Wire(device.port, 1_000_000) as wire:
+            read = (
+                StateReader(MotorRegisters(wire, (1, 2, 3, 4)), time.monotonic).attempt().registers
+            )
     assert read.hardware_error.tolist() == [0, 32, 0, 0]
     assert {len(column) for column in vars(read).values()} == {4}
 

@@ -54,10 +54,8 @@ def test_a_killed_program_leaves_motors_that_stop_by_themselves():
         process.kill()
         process.wait()
         time.sleep(0.5)
-        wire = Wire(device.port, 1_000_000)
-        wire.open()
-        block = wire.sync_read(range(1, 11), 128, 4)
-        wire.close()
+        with Wire(device.port, 1_000_000) as wire:
+            block = wire.sync_read(range(1, 11), 128, 4)
         assert all(abs(TABLE["present_velocity"].unpack(r.data)) <= 1 for r in block.values())
 
 
@@ -98,13 +96,11 @@ def test_a_second_program_does_not_disturb_the_first_whatever_its_speed():
 
 def test_answers_of_other_motors_are_not_a_motors_ping():
     host, slave = os.openpty()
-    wire = Wire(os.ttyname(slave), 1_000_000, latency=0.02)
-    wire.open()
-    os.write(host, b"")
-    for packet in (status_packet(2, 0, b"\x24\x04\x2e"), status_packet(1, 0, b"\x00" * 27)):
-        threading.Timer(0.005, os.write, (host, packet)).start()
-        assert wire.ping(1) == []
-    wire.close()
+    with Wire(os.ttyname(slave), 1_000_000, latency=0.02) as wire:
+        os.write(host, b"")
+        for packet in (status_packet(2, 0, b"\x24\x04\x2e"), status_packet(1, 0, b"\x00" * 27)):
+            threading.Timer(0.005, os.write, (host, packet)).start()
+            assert wire.ping(1) == []
 
 
 @pytest.mark.parametrize(("clock", "lockstep"), [("--realtime", False), ("--lockstep", True)])

@@ -1,15 +1,11 @@
 """Test laws that act during the time steps of any model against scipy's integration of their equations."""
 
-import json
-
 import numpy as np
 import pulled_lever
 import pytest
 from example import opened
 from pulled_lever import GAIN, GEAR, NOISE
 from scipy.optimize import least_squares
-
-from serpent_twin.identification.run import Trace, trace
 
 SHARP = 1e-3  # [rad/s] within which friction changes its sign
 
@@ -115,22 +111,14 @@ def test_the_strength_of_a_law_is_found_from_its_candidate_s_starts(tmp_path, na
     assert np.sqrt(2 * found.cost / seen.sum()) < 1.2  # hardly more than noise is left
 
 
-def traced(tmp_path, law, **how):
-    for n in range(3):
-        pulled_lever.log(tmp_path / "logs" / f"{n}.csv", n, law, **how)
-    out, path = tmp_path / "trace", pulled_lever.machine(tmp_path / "lever")
-    trace(Trace((tmp_path / "logs",), out, machine=path))
-    return json.loads((out / "diagnosis.json").read_text())
-
-
 @pytest.mark.slow
 def test_a_law_is_named_with_its_place_and_strength(tmp_path):
     """One of them: a trace steps through thousands of time steps a hundred times."""
-    found = traced(tmp_path, capstan, seconds=13.0)["effects"]
+    found = pulled_lever.EXAMPLE.traced(tmp_path, 3, capstan, seconds=13.0)["effects"]
     assert [each["name"] for each in found] == ["cable_friction@cable"]
     assert found[0]["parameters"]["coefficient"]["value"] == pytest.approx(0.1, rel=0.1)
 
 
 @pytest.mark.slow
 def test_no_law_is_named_where_there_is_none(tmp_path):
-    assert traced(tmp_path, pulled_lever.nothing)["effects"] == []
+    assert pulled_lever.EXAMPLE.traced(tmp_path, 3)["effects"] == []

@@ -1,17 +1,18 @@
 """Test machines that a machine.toml describes: what is read, and what a trace of poses finds."""
 
 import json
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import posed_models
 import pytest
-from example import opened
+from example import assert_named_alone, opened
 
 from serpent_twin import machines
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.check_logs import Check, check
-from serpent_twin.identification.run import Trace, trace
+from serpent_twin.identification.run import Trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.lines import line_of
@@ -25,15 +26,6 @@ def logs(folder, sessions=4, **how):
     return folder
 
 
-def traced(tmp_path, lacks="", **how):
-    path = posed_models.machine(tmp_path / "arm")
-    model = path.with_name("arm.xml")
-    model.write_text(model.read_text().replace(lacks, ""))
-    out = tmp_path / "trace"
-    trace(Trace((logs(tmp_path / "logs", **how),), out, machine=path))
-    return json.loads((out / "diagnosis.json").read_text())
-
-
 def test_a_model_of_the_machine_predicts_its_poses(tmp_path):
     case, pieces, at = opened(posed_models.machine(tmp_path), logs(tmp_path / "logs", 2))
     off = pieces.measured - case.machine.respond([at], pieces)[0]
@@ -42,45 +34,27 @@ def test_a_model_of_the_machine_predicts_its_poses(tmp_path):
 
 @pytest.mark.slow
 def test_nothing_is_missing_where_nothing_is(tmp_path):
-    found = traced(tmp_path)
+    found = posed_models.EXAMPLE.traced(tmp_path, 4)
     assert found["effects"] == [] and not found["unexplained"]["is"]
 
 
 @pytest.mark.slow
-def test_gravity_that_leans_is_named_with_its_size(tmp_path):
-    found = traced(tmp_path, gravity=TILTED)
-    assert [each["name"] for each in found["effects"]] == ["gravity"]
-    along = found["effects"][0]["parameters"]["along_x"]
-    assert along["value"] == pytest.approx(TILTED[0], rel=0.2)
-    assert along["low"] < TILTED[0] < along["high"]
-
-
-@pytest.mark.slow
-def test_play_of_the_motors_is_named_with_its_size(tmp_path):
-    found = traced(tmp_path, gap=0.05)
-    assert [each["name"] for each in found["effects"]] == ["gear_backlash"]
-    gap = found["effects"][0]["parameters"]["gap"]
-    assert gap["value"] == pytest.approx(0.05, rel=0.1)
-
-
-@pytest.mark.slow
-def test_play_of_one_motor_is_named_with_its_place(tmp_path):
-    found = traced(tmp_path, gap=(0.0, 0.06))
-    assert [each["name"] for each in found["effects"]] == ["gear_backlash@at_elbow"]
-    gap = found["effects"][0]["parameters"]["gap"]
-    assert gap["value"] == pytest.approx(0.06, rel=0.1)
-    assert gap["low"] < 0.06 < gap["high"]
+@pytest.mark.parametrize(
+    ("truth", "name", "parameter", "size", "rel"),
+    [
+        ({"gravity": TILTED}, "gravity", "along_x", TILTED[0], 0.2),
+        ({"gap": 0.05}, "gear_backlash", "gap", 0.05, 0.1),
+        ({"gap": (0.0, 0.06)}, "gear_backlash@at_elbow", "gap", 0.06, 0.1),
+        ({"friction": (0.0, 0.25)}, "hinge_friction@elbow", "coulomb", 0.25, 0.1),
+    ],
+)
+def test_what_poses_at_rest_show_is_named_with_its_place_and_size(
+    tmp_path, truth, name, parameter, size, rel
+):
+    found = posed_models.EXAMPLE.traced(tmp_path, 4, **truth)
+    assert_named_alone(found, name, parameter, size, rel)
     twin = json.loads((tmp_path / "trace" / "twin.json").read_text())
-    assert [each["at"] for each in twin["effects"]] == ["at_elbow"]
-
-
-@pytest.mark.slow
-def test_dry_friction_of_one_joint_is_named_in_poses_at_rest_and_told_from_play(tmp_path):
-    found = traced(tmp_path, friction=(0.0, 0.25))
-    assert [each["name"] for each in found["effects"]] == ["hinge_friction@elbow"]
-    coulomb = found["effects"][0]["parameters"]["coulomb"]
-    assert coulomb["value"] == pytest.approx(0.25, rel=0.1)
-    assert coulomb["low"] < 0.25 < coulomb["high"]
+    assert [each.get("at", "") for each in twin["effects"]] == [name.partition("@")[2]]
 
 
 @pytest.mark.parametrize("strength", [1e-6, 1e-3, 1.0])
@@ -95,7 +69,8 @@ def test_a_link_rests_bent_however_stiff_it_is(tmp_path, strength):
 @pytest.mark.slow
 def test_a_spring_that_a_number_of_the_model_can_stand_for_is_told_with_that_number(tmp_path):
     """A softer motor of less reach moves the elbow as a spring beside it does: poses cannot tell them."""
-    found = traced(tmp_path, lacks=' stiffness="0.8"')
+    lacks = posed_models.MJCF.replace(' stiffness="0.8"', "")
+    found = replace(posed_models.EXAMPLE, mjcf=lacks).traced(tmp_path, 4)
     assert found["effects"] == []
     moved = {each["name"]: each for each in found["moved"]}
     assert moved["scale of the drives"]["stands_for"]["joint_elasticity@elbow"] > 0.9

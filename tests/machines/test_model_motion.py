@@ -1,24 +1,12 @@
 """Test what a trace finds in motions of machines that a machine.toml describes."""
 
-import json
-
 import moving_models
 import numpy as np
 import pytest
-from example import opened
+from example import assert_named_alone, opened
 
-from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.clocks import clocks_of
-
-
-def moved(tmp_path, **how):
-    path = moving_models.machine(tmp_path / "arm")
-    for n in range(4):
-        moving_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, **how)
-    out = tmp_path / "trace"
-    trace(Trace((tmp_path / "logs",), out, machine=path))
-    return json.loads((out / "diagnosis.json").read_text())
 
 
 def test_a_model_of_a_moving_machine_predicts_its_motion(tmp_path):
@@ -72,22 +60,15 @@ def test_noise_is_estimated_from_a_motion(tmp_path):
 
 @pytest.mark.slow
 def test_nothing_is_missing_in_a_motion_where_nothing_is(tmp_path):
-    found = moved(tmp_path)
+    found = moving_models.EXAMPLE.traced(tmp_path, 4)
     assert found["effects"] == [] and not found["unexplained"]["is"]
 
 
 @pytest.mark.slow
-def test_friction_of_one_joint_is_named_with_its_place(tmp_path):
-    found = moved(tmp_path, friction=0.03)
-    assert [each["name"] for each in found["effects"]] == ["hinge_friction@elbow"]
-    coulomb = found["effects"][0]["parameters"]["coulomb"]
-    assert coulomb["value"] == pytest.approx(0.03, rel=0.1)
-
-
-@pytest.mark.slow
-def test_motors_that_obey_late_are_named_with_their_delay(tmp_path):
-    found = moved(tmp_path, late=0.03)
-    assert [each["name"] for each in found["effects"]] == ["command_delay"]
-    delay = found["effects"][0]["parameters"]["delay"]
-    assert delay["value"] == pytest.approx(0.03, rel=0.1)
-    assert delay["low"] < 0.03 < delay["high"]
+@pytest.mark.parametrize(
+    ("lacks", "name", "parameter"),
+    [("friction", "hinge_friction@elbow", "coulomb"), ("late", "command_delay", "delay")],
+)
+def test_what_a_motion_shows_is_named_with_its_place_and_size(tmp_path, lacks, name, parameter):
+    found = moving_models.EXAMPLE.traced(tmp_path, 4, **{lacks: 0.03})
+    assert_named_alone(found, name, parameter, 0.03)

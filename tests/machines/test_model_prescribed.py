@@ -1,6 +1,5 @@
 """Test joints and tendons that move as a log says, whatever force that takes."""
 
-import json
 from dataclasses import replace
 
 import cabled_models
@@ -10,12 +9,11 @@ import posed_models
 import pytest
 import swinging_models
 from cabled_models import cabled, lines, span
-from example import table
+from example import assert_named_alone, table
 from posed_models import LENGTHS, MASSES, SPRINGS
 from scipy.optimize import minimize
 from swinging_models import RATE, SECONDS
 
-from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.drive_table import read_drives, write_calibration
@@ -39,13 +37,8 @@ def opened(path, log, steps=0):
 
 def traced(tmp_path, **how):
     """Of three motions, measured so coarsely that few time steps a row are exact enough."""
-    path, noise = swinging_models.machine(tmp_path / "arm"), 2e-3
-    path.write_text(path.read_text().replace("noise = 0.0005", f"noise = {noise}"))
-    for n in range(3):
-        swinging_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, noise=noise, **how)
-    out = tmp_path / "trace"
-    trace(Trace((tmp_path / "logs",), out, machine=path))
-    return json.loads((out / "diagnosis.json").read_text())
+    toml = swinging_models.TOML.replace("noise = 0.0005", "noise = 0.002")
+    return replace(swinging_models.EXAMPLE, toml=toml).traced(tmp_path, 3, noise=2e-3, **how)
 
 
 def test_the_elbow_swings_as_its_equations_say_where_the_shoulder_is_moved(tmp_path):
@@ -183,11 +176,7 @@ def test_a_joint_of_known_angle_leaves_the_other_where_its_energy_is_least(tmp_p
 
 @pytest.mark.slow
 def test_a_spring_of_the_joint_that_follows_is_named_with_its_size(tmp_path):
-    found = traced(tmp_path, spring=0.05)
-    assert [each["name"] for each in found["effects"]] == ["joint_elasticity@elbow"]
-    stiffness = found["effects"][0]["parameters"]["stiffness"]
-    assert stiffness["value"] == pytest.approx(0.05, rel=0.1)
-    assert stiffness["low"] < 0.05 < stiffness["high"]
+    assert_named_alone(traced(tmp_path, spring=0.05), "joint_elasticity@elbow", "stiffness", 0.05)
 
 
 @pytest.mark.slow

@@ -1,37 +1,27 @@
 """Test machines of which a log has quantities of two kinds, each in its own unit."""
 
-import json
+from dataclasses import replace
 
 import moving_models
 import numpy as np
 import posed_models
 import pytest
-from example import opened, table
+from example import assert_named_alone, opened, table
 
 from serpent_twin.effects.sensor_delay import SensorDelay
-from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.residual import analyse, describe
 
-
-def with_currents(folder):
-    path = moving_models.machine(folder)
-    path.write_text(moving_models.TOML + moving_models.CURRENTS)
-    return path
+WITH_CURRENTS = replace(moving_models.EXAMPLE, toml=moving_models.TOML + moving_models.CURRENTS)
 
 
 def traced(tmp_path, **how):
-    path = with_currents(tmp_path / "arm")
-    for n in range(4):
-        moving_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, **how)
-    out = tmp_path / "trace"
-    trace(Trace((tmp_path / "logs",), out, machine=path))
-    return json.loads((out / "diagnosis.json").read_text()), (out / "report.html").read_text()
+    return WITH_CURRENTS.traced(tmp_path, 4, **how), (tmp_path / "trace/report.html").read_text()
 
 
 def test_angles_and_currents_of_motors_are_predicted_each_in_its_unit(tmp_path):
-    case, pieces, _ = opened(with_currents(tmp_path), moving_models.log(tmp_path / "log.csv", 0))
+    case, pieces, _ = WITH_CURRENTS.opened(tmp_path, 0)
     compared = case.compare(None, pieces)
     assert (compared.marker.unit, compared.load.unit) == ("°", "mN m")
     assert compared.marker_names == ("shoulder", "elbow")
@@ -47,11 +37,8 @@ def test_angles_and_currents_of_motors_are_predicted_each_in_its_unit(tmp_path):
 @pytest.mark.slow
 def test_friction_shows_in_angles_and_currents_together(tmp_path):
     found, page = traced(tmp_path, friction=0.03)
-    assert [each["name"] for each in found["effects"]] == ["hinge_friction@elbow"]
+    assert_named_alone(found, "hinge_friction@elbow", "coulomb", 0.03)
     effect = found["effects"][0]
-    coulomb = effect["parameters"]["coulomb"]
-    assert coulomb["value"] == pytest.approx(0.03, rel=0.1)
-    assert coulomb["low"] < 0.03 < coulomb["high"]
     assert effect["gain_deg"] > 0 and effect["gain_torque_mNm"] > 0
     assert found["error_deg"]["corrected"] < 0.03
     assert found["torque_error_mNm"]["corrected"] < 2.5

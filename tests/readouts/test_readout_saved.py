@@ -43,6 +43,9 @@ def test_what_a_readout_says_that_it_learns_comes_back(name, tmp_path):
     readout.save(tmp_path)
     again = load(tmp_path)
     assert json.dumps(again.config()) == json.dumps(readout.config())
+    assert repr((again.history, again.rate_hz)) == repr((readout.history, readout.rate_hz))
+    assert {file.name for file in tmp_path.iterdir()} == {"readout.json", "learned.npz"}
+    np.testing.assert_array_equal(again.covariance, readout.covariance)
     assert again.learned.keys() == readout.learned.keys()
     for key, values in again.learned.items():
         assert np.array_equal(values, readout.learned[key])

@@ -5,11 +5,13 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from wire_bench import peek
 
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.emulator.device import running
@@ -29,19 +31,14 @@ QUIET = replace(NOMINAL, load_noise=0.0)
 @pytest.fixture
 def bench(tmp_path):
     """Starts devices, each with an arm.toml that knows its zero."""
-    open_devices = []
+    with ExitStack() as stack:
 
-    def start(*arguments, **setup):
-        context = running(*arguments)
-        device = context.__enter__()
-        open_devices.append(context)
-        path = tmp_path / "arm.toml"
-        write_setup(ArmSetup(device.port, zero=(CENTRE,) * 10, path=path, **setup))
-        return device, path
+        def start(*arguments, **setup):
+            device, path = stack.enter_context(running(*arguments)), tmp_path / "arm.toml"
+            write_setup(ArmSetup(device.port, zero=(CENTRE,) * 10, path=path, **setup))
+            return device, path
 
-    yield start
-    for context in open_devices:
-        context.__exit__(None, None, None)
+        yield start
 
 
 def command(out, setup, *arguments):
@@ -103,7 +100,7 @@ def test_a_loop_that_does_not_keep_its_rate_stops_the_arm_and_says_what_it_keeps
     written = pq.read_table(config.out / "session_01.parquet")
     assert written.num_rows == 50
     assert "steps a second" in json.loads(written.schema.metadata[b"serpent_twin"])["ended"]
-    assert peek(device, "torque_enable") == 0
+    assert peek(device.port, "torque_enable") == 0
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -117,7 +114,7 @@ def test_signals_stop_the_arm_and_seal_the_log(bench, tmp_path, how):
     assert session.metadata["complete"] is False
     assert session.metadata["ended"] == "stopped by hand"
     assert len(session) >= 10
-    assert peek(device, "torque_enable") == 0
+    assert peek(device.port, "torque_enable") == 0
 
 
 def test_kill_9_keeps_every_row(bench, tmp_path):
@@ -212,14 +209,3 @@ def start_and_log(tmp_path, setup, rows=10):
         assert time.monotonic() < until and process.poll() is None, process.communicate()
         time.sleep(0.05)
     return process
-
-
-def peek(device, name, motor=1):
-    from serpent_twin.hardware.control_table import TABLE
-    from serpent_twin.hardware.dynamixel.wire import Wire
-
-    wire = Wire(device.port, 1_000_000)
-    wire.open()
-    reply = wire.read(motor, TABLE[name])
-    wire.close()
-    return TABLE[name].unpack(reply.data)

@@ -34,17 +34,12 @@ def words(state):
 
 def peek(port, name, motor=1):
     """A register of a motor, read past every bus."""
-    wire = Wire(port, 1_000_000)
-    wire.open()
-    reply = wire.read(motor, TABLE[name])
-    wire.close()
-    return TABLE[name].unpack(reply.data)
+    with Wire(port, 1_000_000) as wire:
+        return TABLE[name].unpack(wire.read(motor, TABLE[name]).data)
 
 
 def touch(port, *writes):
     """Write registers, each (motor, name, value), past every bus."""
-    wire = Wire(port, 1_000_000)
-    wire.open()
-    for motor, name, value in writes:
-        assert wire.write(motor, TABLE[name], value).error & 0x7F == 0
-    wire.close()
+    with Wire(port, 1_000_000) as wire:
+        for motor, name, value in writes:
+            assert wire.write(motor, TABLE[name], value).error & 0x7F == 0

@@ -1,19 +1,16 @@
 """Store the result of one grid point, complete and the same wherever it is measured."""
 
-import math
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from serpent_twin.errors import SerpentError
 from serpent_twin.reservoir.sweep import body, measures, pose
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
-from serpent_twin.runs.files import json_text
+from serpent_twin.runs.files import finite, json_text
 from serpent_twin.runs.provenance import provenance
 from serpent_twin.sim.quiet import quietly
 
@@ -94,12 +91,4 @@ def rounded(value: Any) -> Any:
 
     The last digits of linear algebra depend on processor and threads.
     """
-    if isinstance(value, Mapping):
-        return {key: rounded(each) for key, each in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [rounded(each) for each in value]
-    if isinstance(value, int | np.integer | str | None):
-        return int(value) if isinstance(value, np.integer) else value
-    if not math.isfinite(value):
-        return None
-    return float(f"{value:.{_DIGITS}g}") if abs(value) > _NOTHING else 0.0
+    return finite(value, lambda x: float(f"{x:.{_DIGITS}g}") if abs(x) > _NOTHING else 0.0)
