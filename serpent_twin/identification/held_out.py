@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, known_mean
 from serpent_twin.errors import SerpentError
 from serpent_twin.residual import Comparison
 from serpent_twin.residual.size import MOVING, is_moving
@@ -34,13 +34,13 @@ class Errors:
     def at(self, markers: Sequence[int], loads: Sequence[int]) -> "Errors":
         """Errors of some markers and loads alone."""
         marker, load = self.of_markers[..., list(markers)], self.of_loads[..., list(loads)]
-        mean, square = (_means(np.moveaxis(each, -1, 1)) for each in (marker, load**2))
+        mean, square = (known_mean(each, axis=-1) for each in (marker, load**2))
         return Errors(mean, np.sqrt(square), marker, load)
 
     @property
     def marker_by_segment(self) -> Array:
         """Mean of each segment, (S,)."""
-        return _means(self.marker_by_block)
+        return known_mean(self.marker_by_block, axis=1)
 
     @property
     def marker(self) -> float:
@@ -50,7 +50,7 @@ class Errors:
     @property
     def load(self) -> float:
         """Root mean square in segments, in the mean over these."""
-        return _mean(np.sqrt(_means(self.load_by_block**2)))
+        return _mean(np.sqrt(known_mean(self.load_by_block**2, axis=1)))
 
 
 def gave_up(before: Errors, after: Errors) -> bool:
@@ -63,16 +63,11 @@ def _mean(values: Array) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
-def _means(values: Array) -> Array:
-    """Means of rows, (S, T, …), over what is known, NaN where nothing is, (S, …)."""
-    known = np.isfinite(values)
-    total, count = np.where(known, values, 0.0).sum(axis=1), known.sum(axis=1)
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-
-
 def blocks(values: Array) -> Array:
     """Means of rows (S, T, …) over what is known of each block, (S, B)."""
-    return np.stack([_means(part.reshape(len(part), -1)) for part in _parts(values)], axis=1)
+    return np.stack(
+        [known_mean(part.reshape(len(part), -1), axis=1) for part in _parts(values)], axis=1
+    )
 
 
 def errors(comparison: Comparison) -> Errors:
@@ -88,7 +83,7 @@ def errors(comparison: Comparison) -> Errors:
 
 def _each(values: Array) -> Array:
     """Means of rows (S, T, K) over what is known of each block, (S, B, K)."""
-    return np.stack([_means(part) for part in _parts(values)], axis=1)
+    return np.stack([known_mean(part, axis=1) for part in _parts(values)], axis=1)
 
 
 def _parts(values: Array) -> list[Array]:
@@ -196,7 +191,7 @@ def _by_own_size(before: Errors, after: Errors) -> Array:
 
 def _mean_of_known(parts: Array) -> Array:
     """Means over what is known of P kinds of measurement, (P, S, B), NaN where nothing is, (S, B)."""
-    return _means(np.moveaxis(parts, 0, 1).reshape(parts.shape[1], len(parts), -1))
+    return known_mean(np.moveaxis(parts, 0, 1).reshape(parts.shape[1], len(parts), -1), axis=1)
 
 
 def gain(before: Errors, after: Errors, selected: float | None = None) -> Gain:

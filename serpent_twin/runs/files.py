@@ -42,7 +42,7 @@ def finite(value: Any, number: Callable[[float], float] = float) -> Any:
     if isinstance(value, np.ndarray | list | tuple):
         return [finite(each, number) for each in value]
     if isinstance(value, float | np.floating):
-        return number(value) if np.isfinite(value) else None
+        return number(float(value)) if np.isfinite(value) else None
     return int(value) if isinstance(value, np.integer) else value
 
 
