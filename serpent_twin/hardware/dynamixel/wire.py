@@ -90,6 +90,7 @@ class Wire(Closing):
             self.close()
             raise PortLostError(f"cannot open {self.port}: {_cause(error)}") from None
         if not opened:
+            self.close()
             raise BusError(f"{self.baud} bit/s is no baud rate that dynamixel-sdk knows.")
         self._handler = handler
 
