@@ -16,10 +16,9 @@ from serpent_twin.hardware.dynamixel.setup import (
     is_pseudo_terminal,
 )
 from serpent_twin.recording import lost_markers, run_folder
-from serpent_twin.recording.ending import loop_times, sealed, stopped_by_signals
+from serpent_twin.recording.ending import loop_times, refuse_slow, sealed, stopped_by_signals
 from serpent_twin.recording.loop import NOTHING, Beside, Steering, Step, TargetSteering, record
 from serpent_twin.recording.options import Collect
-from serpent_twin.recording.pace import refuse_slow
 from serpent_twin.recording.real_arm import arm_of, cameras_of
 from serpent_twin.recording.run_settings import metadata, session_path
 from serpent_twin.recording.simulated_arm import generators

@@ -20,7 +20,7 @@ from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.hardware.xl430 import CENTRE
 from serpent_twin.recording import real as real_module
 from serpent_twin.recording.collect import collect
-from serpent_twin.recording.ending import loop_times
+from serpent_twin.recording.ending import loop_times, refuse_slow
 from serpent_twin.recording.loop import Beside
 from serpent_twin.recording.options import Collect, RealArm
 from serpent_twin.sessions import examine, read_journal, read_session, recover
@@ -87,6 +87,22 @@ def test_loop_times_of_an_even_and_an_uneven_loop():
     assert uneven["jitter_max_s"] == pytest.approx(0.1)
     assert uneven["jitter_mean_s"] == pytest.approx(0.2 / 3)
     assert uneven["missed_deadlines"] == 1
+
+
+def rows_at(*steps):
+    """Times of rows that come so far apart [s], each so often."""
+    return np.cumsum(np.concatenate([np.full(rows, step) for rows, step in steps])).tolist()
+
+
+def test_a_loop_that_falls_behind_late_is_stopped_as_one_that_never_kept_up():
+    for times in (rows_at((50, 0.022)), rows_at((5000, 0.02), (600, 0.022))):
+        with pytest.raises(SerpentError, match=r"45\.5 steps a second of the 50 "):
+            refuse_slow(times, 0.02)
+
+
+def test_a_loop_that_is_late_for_a_while_goes_on():
+    refuse_slow(rows_at((900, 0.02), (300, 0.03)), 0.02)
+    refuse_slow(rows_at((50, 0.0208)), 0.02)
 
 
 def test_a_loop_that_does_not_keep_its_rate_stops_the_arm_and_says_what_it_keeps(bench, tmp_path):
