@@ -84,10 +84,10 @@ def test_a_joint_moves_as_told_and_its_reaction_is_measured(tmp_path, integrator
         + '[[measured]]\nsensor = "held"\ncolumns = ["mx", "my", "mz"]\nunit = "N m"\nnoise = 1e-3\n'
     )
     log = swinging_models.log(tmp_path / "log.csv", 1, noise=0.0)
-    table = np.genfromtxt(log, delimiter=",", names=True)
+    logged = np.genfromtxt(log, delimiter=",", names=True)
     told = swinging_models.turning(np.random.default_rng(1))
-    q1, v1, a1 = np.array([told(t) for t in table["t"]]).T
-    q2 = table["angle"]
+    q1, v1, a1 = np.array([told(t) for t in logged["t"]]).T
+    q2 = logged["angle"]
     v2, a2 = (np.gradient(q2, 1 / RATE, edge_order=2) for _ in range(2))
     m1, m2, (a, b) = *MASSES, LENGTHS
     c, s, ball = np.cos(q2), np.sin(q2), 2 / 5 * 1e-4
@@ -98,7 +98,7 @@ def test_a_joint_moves_as_told_and_its_reaction_is_measured(tmp_path, integrator
         - m2 * a * b * s * (2 * v1 * v2 + v2**2)
         - 9.81 * ((m1 + m2) * a * np.cos(q1) + m2 * b * np.cos(q1 + q2))
     )
-    rows = np.c_[table["t"], q1, q2, q1, 0 * q1, moment, 0 * q1]
+    rows = np.c_[logged["t"], q1, q2, q1, 0 * q1, moment, 0 * q1]
     table(log, "t,encoder,angle,again,mx,my,mz", rows, 9)
     _, _, off = opened(path, log, 128)
     inside = off[:, 20:-5]
