@@ -15,14 +15,6 @@ def known_mean(values: Array, axis: int) -> Array:
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
 
-def running_mean(values: Array, width: int) -> Array:
-    """Mean over a centred window of `width` values (T,), NaN left out; shorter at the ends."""
-    known, kernel = np.isfinite(values), np.ones(min(width, len(values)))
-    count = np.convolve(known, kernel, "same")
-    total = np.convolve(np.where(known, values, 0.0), kernel, "same")
-    return np.divide(total, count, out=np.full(len(values), np.nan), where=count > 0)
-
-
 def cross(a: Array, b: Array) -> Array:
     """Cross product a × b, (..., 3), of vectors whose leading axes broadcast.
 

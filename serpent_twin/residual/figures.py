@@ -5,17 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-<<<<<<< HEAD
 from serpent_twin.reporting.plot_style import COLOURS, INK, LINE, SOFT, finish, sheet, smooth
 from serpent_twin.reporting.report import Figure
 from serpent_twin.residual.comparison import Array, Comparison
-=======
-from serpent_twin.arrays import Array, running_mean
-from serpent_twin.reporting.plot_style import COLOURS, INK, LINE, SOFT, finish, sheet
-from serpent_twin.reporting.report import Figure
-from serpent_twin.residual.comparison import Comparison
-from serpent_twin.residual.curves import curve, marker_curve
->>>>>>> 8df2599 (Means over what is known and running means are defined once)
 from serpent_twin.residual.findings import Findings
 from serpent_twin.residual.noise import expected_distance
 from serpent_twin.residual.size import MOVING, load_size, marker_size
@@ -91,11 +83,7 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
         for n, those in enumerate(stretches):
             then = clock[those].ravel()
             order = np.argsort(then, kind="stable")  # segments may overlap by some rows
-<<<<<<< HEAD
             mean = smooth(error[those].ravel()[order], rows)
-=======
-            mean = running_mean(error[those].ravel()[order], rows)
->>>>>>> 8df2599 (Means over what is known and running means are defined once)
             axes.plot(then[order], mean, color=colour, lw=1.3, label=None if n else name)
     if np.isfinite(floor := findings.noise.mean_floor):
         axes.axhspan(0, floor, color=LINE, lw=0, label="noise of the measurement")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS
-from serpent_twin.arrays import Array, running_mean
+from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import COLD, WARM, Style, finish, sheet, smooth, styles
 
@@ -45,7 +45,7 @@ def over_time(time: Array, error_mm: Mapping[str, Array], width: int = 41) -> "F
     for n, (name, error) in enumerate(error_mm.items()):
         marked = (np.arange(_MARKED) + n / len(error_mm)) / _MARKED * (len(time) - 1)
         each = {"markevery": np.unique(marked.astype(int)).tolist(), "ms": 4.5, "lw": 1.2}
-        axes.plot(time, running_mean(error, width), **style[name], label=name, **each)
+        axes.plot(time, smooth(error, width), **style[name], label=name, **each)
     label = f"error, mean of {counted(width, 'step')} [mm]"
     axes.set(xlabel="time [s]", ylabel=label, yscale="log", xlim=(time[0], time[-1]))
     finish(figure, axes)
