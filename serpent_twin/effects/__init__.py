@@ -1,8 +1,8 @@
-"""List the effects that a machine may have and its nominal twin leaves out, one per file.
+"""List the effects that a machine may have and its nominal twin leaves out.
 
 You provide a frozen dataclass that inherits `Effect`: its fields are the parameters, each made by
 `parameter`; `edit` writes what MJCF can express, `act` does what it cannot; `shows_in` and `confused_with`
-are printed in a diagnosis. The file's name is the effect's name: nothing else is to be edited.
+are printed in a diagnosis. The effect's name is that of the class: nothing else is to be edited.
 `KNOWN` has them all; each machine's candidates are a choice of them. The twin, the bus, the device and
 the trace find an effect here.
 """

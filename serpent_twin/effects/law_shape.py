@@ -133,6 +133,7 @@ SHAPES: Mapping[str, LawShape] = {
 """How changes follow readings, by name"""
 
 FORMS: Mapping[str, Callable[..., Array]] = {
+    "constant": lambda x: np.ones_like(x),
     "magnitude": lambda x: np.abs(x),
     "near_rest": lambda x, fast: np.exp(-np.abs(x) / fast),
     "fading": lambda x, time: np.exp(-np.maximum(x, 0.0) / time),

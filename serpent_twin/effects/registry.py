@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Union
@@ -18,21 +19,30 @@ _AT = "@"
 
 
 def _find() -> dict[str, type[Effect]]:
-    """Every effect of the files in this folder, by the file's name."""
+    """Every effect of the files in this folder, by its name."""
     found: dict[str, type[Effect]] = {}
     for file in pkgutil.iter_modules([str(Path(__file__).parent)]):
-        if file.name in _INSIDE:
-            continue
-        module = importlib.import_module(f"{__package__}.{file.name}")
-        for thing in vars(module).values():
-            here = isinstance(thing, type) and thing.__module__ == module.__name__
-            if here and issubclass(thing, Effect):
-                found[file.name] = thing
-    return found
+        if file.name not in _INSIDE:
+            module = importlib.import_module(f"{__package__}.{file.name}")
+            found |= {
+                name_of(thing): thing
+                for thing in vars(module).values()
+                if isinstance(thing, type) and issubclass(thing, Effect) and thing is not Effect
+            }
+    return dict(sorted(found.items()))
+
+
+def name_of(effect: Effect | type[Effect]) -> str:
+    """The effect's name, which is that of its class in small letters, and where it is, if that is not the
+    arm: `payload@hand`.
+    """
+    if isinstance(effect, type):
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", effect.__name__).lower()
+    return name_of(type(effect)) + (_AT + effect.at if effect.at else "")
 
 
 KNOWN: Mapping[str, type[Effect]] = _find()
-"""Every kind of effect by its name, which is its file's."""
+"""Every kind of effect by its name"""
 
 
 def by_name(name: str) -> type[Effect]:
@@ -40,13 +50,6 @@ def by_name(name: str) -> type[Effect]:
     if name not in KNOWN:
         raise SerpentError(f"there is no effect {name!r}; there are: {', '.join(KNOWN)}.")
     return KNOWN[name]
-
-
-def name_of(effect: Effect | type[Effect]) -> str:
-    """The effect's name, and where it is, if that is not the arm: `payload@hand`."""
-    if isinstance(effect, type):
-        return effect.__module__.rsplit(".", 1)[-1]
-    return name_of(type(effect)) + (_AT + effect.at if effect.at else "")
 
 
 def placed(name: str) -> tuple[type[Effect], str]:

@@ -6,7 +6,7 @@ from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.geometry import markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
-from serpent_twin.effects.motor_latency import MotorLatency
+from serpent_twin.effects.named import MotorLatency
 from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.reaching import tips
 from serpent_twin.hardware.xl430 import VELOCITY_UNIT

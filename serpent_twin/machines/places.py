@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from types import MappingProxyType
 
 import numpy as np
 
@@ -152,20 +152,34 @@ class MissingTorques:
     """Torques on the joints by changes at places; changes are (d, S, T, J)"""
 
 
-@dataclass(frozen=True)
-class PlacesInRow:
-    """What S segments of T rows show of changes at a machine's places, each in its own row."""
+class Places:
+    """Where reality may differ from a machine's twin, and on what that may depend, in S segments of T
+    rows.
+    """
 
     readings: Mapping[tuple[str, str], Array]
     """What laws may follow, (S, T), by the reading and its place"""
-    responses: Sequence[PlaceResponse]
-    """Of each quantity at each place that shows in what is measured"""
+    responses: Sequence[Response]
+    """Of every quantity at every place"""
     starts: Array | None = None
-    """None: the states in which segments begin show in no row"""
-    twin_angles: Mapping[str, Array] = field(default_factory=dict)
-    """Empty: the twin is in the measured pose"""
+    """Changes of the prediction by the states in which segments begin, if these are known by noisy readings
+    only, (S, k, T, C)
+    """
+    twin_angles: Mapping[str, Array] = MappingProxyType({})
+    """Angles of the twin's joints by name [rad], (S, T); readings have the measured ones. Empty if the twin
+    is in the measured pose.
+    """
     missing_torques: MissingTorques | None = None
-    """None: what is measured is no balance of torques"""
+    """What the joints lacked in the measured poses; None of a machine that does not say"""
+
+
+@dataclass(frozen=True)
+class PlacesInRow(Places):
+    """What changes at a machine's places show, each in its own row."""
+
+    readings: Mapping[tuple[str, str], Array]
+    responses: Sequence[PlaceResponse]
+    twin_angles: Mapping[str, Array] = field(default_factory=dict)
 
 
 def with_more(point: ParameterVector, law: Law, axis: int, more: float) -> ParameterVector:
@@ -174,39 +188,6 @@ def with_more(point: ParameterVector, law: Law, axis: int, more: float) -> Param
     values = np.array(point.effects.get(name, np.zeros(len(ranges(Discovered)))))
     values[axis] += more
     return point.having(name, values)
-
-
-class Places(Protocol):
-    """Where reality may differ from a machine's twin, and on what that may depend."""
-
-    @property
-    def readings(self) -> Mapping[tuple[str, str], Array]:
-        """What laws may follow, (S, T), by the reading and its place."""
-        ...
-
-    @property
-    def responses(self) -> Sequence[Response]:
-        """Of every quantity at every place."""
-        ...
-
-    @property
-    def starts(self) -> Array | None:
-        """Changes of the prediction by the states in which segments begin, if these are known by noisy
-        readings only, (S, k, T, C).
-        """
-        ...
-
-    @property
-    def twin_angles(self) -> Mapping[str, Array]:
-        """Angles of the twin's joints by name [rad], (S, T); readings have the measured ones. Empty if the
-        twin is in the measured pose.
-        """
-        ...
-
-    @property
-    def missing_torques(self) -> MissingTorques | None:
-        """What the joints lacked in the measured poses; None of a machine that does not say."""
-        ...
 
 
 def response_at(places: Places, law: Law) -> Response:

@@ -7,7 +7,7 @@ from itertools import count
 import numpy as np
 import pytest
 
-from serpent_twin.effects.motor_latency import MotorLatency
+from serpent_twin.effects.named import MotorLatency
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.following import steering

@@ -25,7 +25,7 @@ from serpent_twin.effects.arm_places import (
 from serpent_twin.effects.law import POSITIONS, READINGS
 from serpent_twin.machines.arm.missing_torques import missing_torques
 from serpent_twin.machines.arm.pieces import ArmPieces
-from serpent_twin.machines.places import MissingTorques, PlaceResponse, by_forces
+from serpent_twin.machines.places import MissingTorques, PlaceResponse, Places, by_forces
 from serpent_twin.sim import response
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.statics import PASSES, gravity_stiffness, of_joints, strand_stiffness
@@ -40,8 +40,10 @@ _RADII = ARM.pulley_radii
 
 
 @dataclass(frozen=True)
-class ArmPlaces:
-    """What S segments of T rows show of changes at the arm's places."""
+class ArmPlaces(Places):
+    """What S segments of T rows show of changes at the arm's places; cables hold the joints, so that an
+    error of a start is soon gone.
+    """
 
     twin: TwinModel
     pieces: ArmPieces
@@ -82,11 +84,6 @@ class ArmPlaces:
     def responses(self) -> Sequence[PlaceResponse]:
         """Of every quantity at every place."""
         return [*self._of_joints(), *self._of_drives(), *self._of_bodies(), *self._of_sensors()]
-
-    @property
-    def starts(self) -> None:
-        """None: cables hold the joints, so that a start's error is soon gone."""
-        return
 
     @property
     def twin_angles(self) -> Mapping[str, Array]:

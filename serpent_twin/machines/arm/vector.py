@@ -11,7 +11,7 @@ from serpent_twin.arm.kinematic_calibration import PRIORS, Kinematics
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
-from serpent_twin.effects.motor_latency import MotorLatency
+from serpent_twin.effects.named import MotorLatency
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.machines.candidate import Candidate, candidate

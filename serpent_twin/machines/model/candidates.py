@@ -9,15 +9,25 @@ import numpy as np
 
 from serpent_twin import effects, stored
 from serpent_twin.arrays import Array
-from serpent_twin.effects import KNOWN, READING, Range, law_of, ranges
+from serpent_twin.effects import KNOWN, READING, law_of, ranges
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.measured import Recording
-from serpent_twin.machines.model.candidates_in_motion import laws_of_state
-from serpent_twin.machines.model.candidates_of_tendons import rubbing_tendons, stiffening_tendons
+from serpent_twin.machines.model.candidates_in_motion import (
+    laws_of_state,
+    rubbing_tendons,
+    stiffening_tendons,
+)
 from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
 from serpent_twin.machines.model.rubbing import rubbing
-from serpent_twin.machines.model.sizes import Sizes, of_joint, sized_range, sizes
+from serpent_twin.machines.model.sizes import (
+    Sizes,
+    given,
+    of_joint,
+    sized_candidate,
+    sized_range,
+    sizes,
+)
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.state_effects import state_driven
@@ -53,18 +63,18 @@ _BENT = 0.02
 
 def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, Candidate]:
     """All laws that find a place in the model."""
-    sized = sizes(machine, training)
-    found = [candidate("gravity"), *_play(machine, training), *_joints(machine, sized)]
-    found += stiffening_tendons(machine, sized)
+    of = sizes(machine, training)
+    found = [candidate("gravity"), *_play(machine, training), *_joints(machine, of)]
+    found += stiffening_tendons(machine, of)
     if machine.about.rows == MOTION:
         found += [candidate("command_delay")] * bool(machine.commanded)
         found += [*_late(machine, training), *rubbing_tendons(machine)]
-        found += _saturated(machine, training, sized)
-        found += _weak(machine, sized)
-        found += laws_of_state(machine, training, sized)
+        found += _saturated(machine, training, of)
+        found += _weak(machine, of)
+        found += laws_of_state(machine, training, of)
     else:
         found += rubbing(machine)
-    found = _wanted(machine, [*found, *_bodies(machine, sized)])
+    found = _wanted(machine, [*found, *_bodies(machine, of)])
     return {each.name: _confused(_placed(machine, each), found) for each in found}
 
 
@@ -124,44 +134,43 @@ def _play(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
     )
     span = np.ptp(told, axis=1)
 
-    def gap(effect: str, of: float, moved: DriveColumn) -> Range:
-        known, unit = ranges(KNOWN[effect])["gap"], "m" if machine.is_length(moved) else "rad"
-        return replace(known, unit=unit, high=min(known.high, of), typical=_PLAY * of)
+    def play(name: str, of: float, moved: DriveColumn) -> Candidate:
+        known, unit = ranges(KNOWN[law_of(name)])["gap"], "m" if machine.is_length(moved) else "rad"
+        gap = replace(known, unit=unit, high=min(known.high, of), typical=_PLAY * of)
+        return candidate(name, gap=gap)
 
     alike = len({machine.is_length(each) for each in drives}) == 1
     if span.any() and alike:
-        yield candidate("gear_backlash", gap=gap("gear_backlash", float(span.max()), drives[0]))
+        yield play("gear_backlash", float(span.max()), drives[0])
     for each, of in zip(drives, span.tolist(), strict=True):
         if not of:
             continue
-        yield candidate(f"gear_backlash@{each.actuator}", gap=gap("gear_backlash", of, each))
+        yield play(f"gear_backlash@{each.actuator}", of, each)
         if machine.about.rows == MOTION and acts_on(machine.model, each.actuator)[0] == "joint":
-            yield candidate(f"free_play@{each.actuator}", gap=gap("free_play", of, each))
+            yield play(f"free_play@{each.actuator}", of, each)
 
 
-def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:
+def _joints(machine: Described, of: Sizes) -> Iterator[Candidate]:
     """At each hinge or slide: a spring, if the model has none, one that stiffens, and in motion friction."""
     model, held = machine.model, [each.joint for each in machine.prescribed]
-    joints = single_joints(model).tolist()
     driven = [acts_on(model, each.actuator) for each in machine.commanded]
-    for n in (each for each in joints if model.joint(each).name not in ("", *held)):
+    for n in single_joints(model).tolist():
         name, dof = model.joint(n).name, model.jnt_dofadr[n]
-
-        def of(effect: str, parameter: str, typical: float, name: str = name) -> Range:
-            return of_joint(model, name, sized_range(effect, parameter, typical))
-
+        if name in ("", *held):
+            continue
+        stiffness, turn, force, rate = (
+            float(each[dof]) for each in (of.stiffness, of.turn, of.force, of.rate)
+        )
         if model.jnt_stiffness[n] == 0:
-            spring = of("joint_elasticity", "stiffness", _SPRING * float(sized.stiffness[dof]))
-            yield candidate(f"joint_elasticity@{name}", stiffness=spring)
-        cubic = float(sized.stiffness[dof] / sized.turn[dof] ** 2)
-        stiffening = of("joint_stiffening", "cubic", _SPRING * cubic)
-        yield candidate(f"joint_stiffening@{name}", cubic=stiffening)
+            yield sized_candidate(model, f"joint_elasticity@{name}", stiffness=_SPRING * stiffness)
+        yield sized_candidate(
+            model, f"joint_stiffening@{name}", cubic=_SPRING * (stiffness / turn**2)
+        )
         if machine.about.rows == MOTION:
-            force, rate = float(sized.force[dof]), float(sized.rate[dof])
-            coulomb = of("hinge_friction", "coulomb", _RUBS * force)
+            coulomb = sized_range("hinge_friction", "coulomb", _RUBS * force)
             coulomb = replace(coulomb, high=_RUBS_MOST * force)
-            viscous = of("hinge_friction", "viscous", _RUBS * force / rate)
-            yield candidate(f"hinge_friction@{name}", coulomb=coulomb, viscous=viscous)
+            viscous = _RUBS * force / rate
+            yield sized_candidate(model, f"hinge_friction@{name}", coulomb=coulomb, viscous=viscous)
             if ("joint", name) in driven:
                 yield candidate(f"gear_friction@{name}")
 
@@ -188,9 +197,7 @@ def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
         yield from (candidate(f"sensor_delay@{name}", delay=delay) for name in read)
 
 
-def _saturated(
-    machine: Described, training: Sequence[Recording], sized: Sizes
-) -> Iterator[Candidate]:
+def _saturated(machine: Described, training: Sequence[Recording], of: Sizes) -> Iterator[Candidate]:
     """Saturation of each actuator that is told a force, and of each DC motor of a joint."""
     model, motors = machine.model, state_driven(machine.model)
     told = [
@@ -199,16 +206,15 @@ def _saturated(
     for each in told:
         n = model.actuator(each.actuator).id
         if each.actuator in motors:
-            peak = float(sized.force[model.jnt_dofadr[model.actuator_trnid[n, 0]]])
+            peak = float(of.force[model.jnt_dofadr[model.actuator_trnid[n, 0]]])
         else:
             per = abs(model.actuator_gainprm[n, 0] * model.actuator_gear[n, 0])
             peak = per * max(float(np.abs(run.columns[each.column]).max()) for run in training)
         if peak > 0:
-            rate = sized_range("torque_saturation", "rate", _RUBS / peak)
-            yield candidate(f"torque_saturation@{each.actuator}", rate=rate)
+            yield sized_candidate(model, f"torque_saturation@{each.actuator}", rate=_RUBS / peak)
 
 
-def _weak(machine: Described, sized: Sizes) -> Iterator[Candidate]:
+def _weak(machine: Described, of: Sizes) -> Iterator[Candidate]:
     """A limit of the force of each servo of a joint: what is told a force would be told its limit, too."""
     model = machine.model
     for each in machine.commanded:
@@ -216,15 +222,14 @@ def _weak(machine: Described, sized: Sizes) -> Iterator[Candidate]:
         servo = model.actuator_biasprm[n, 1:3].any() and model.actuator_gear[n, 0]
         if servo and model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT:
             joint = int(model.actuator_trnid[n, 0])
-            usual = float(sized.force[model.jnt_dofadr[joint]]) / abs(model.actuator_gear[n, 0])
-            limit = sized_range("force_limit", "reciprocal", 1 / usual)
-            of = of_joint(model, joint, limit)
-            found = candidate(f"force_limit@{each.actuator}", reciprocal=of)
+            usual = float(of.force[model.jnt_dofadr[joint]]) / abs(model.actuator_gear[n, 0])
+            limit = of_joint(model, joint, sized_range("force_limit", "reciprocal", 1 / usual))
+            found = candidate(f"force_limit@{each.actuator}", reciprocal=limit)
             several = tuple(by * found.variants[0] for by in _LIMITED)
             yield replace(found, variants=several)
 
 
-def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
+def _bodies(machine: Described, of: Sizes) -> Iterator[Candidate]:
     """A mass and a force at each measured site, at the far end of each chain of bodies, and at the origin of
     each body that the joints move; and that body's bending and twisting.
     """
@@ -247,20 +252,18 @@ def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
         place(model.body(n).name, n, data.xpos[n])
     for name in lever:
         carried = max(model.body_subtreemass[carrier[name]], _LIGHT * model.body_subtreemass[0])
-        yield from _pulled(machine, name, float(carried), lever[name], sized)
+        yield from _pulled(machine, name, float(carried), lever[name], of)
     links = [
         n
         for n in range(1, model.nbody)
         if model.body(n).name and 0 < model.body_dofnum[n] <= _MOST_DOFS
     ]
     if all(model.joint(n).name for n in range(model.njnt)):
-        for n in (n for n in links if sized.moment[n] > _REACH * sized.carried[n]):
-            moment = float(sized.moment[n])
-            more = {
-                which: sized_range("link_flex", which, _BENT / moment)
-                for which in ("compliance", "twist")
-            }
-            yield candidate(f"link_flex@{model.body(n).name}", **more)
+        for n in (n for n in links if of.moment[n] > _REACH * of.carried[n]):
+            bends = _BENT / float(of.moment[n])
+            yield sized_candidate(
+                model, f"link_flex@{model.body(n).name}", compliance=bends, twist=bends
+            )
 
 
 def _ends(model: mujoco.MjModel, data: mujoco.MjData) -> list[int]:
@@ -280,19 +283,17 @@ def _ends(model: mujoco.MjModel, data: mujoco.MjData) -> list[int]:
 
 
 def _pulled(
-    machine: Described, name: str, carried: float, lever: Array, sized: Sizes
+    machine: Described, name: str, carried: float, lever: Array, of: Sizes
 ) -> Iterator[Candidate]:
     """A mass, if there is gravity, and a force, at a place that moves so far with each joint."""
-    if machine.model.opt.gravity.any():
-        nowhere = replace(ranges(KNOWN["payload"])["place"], typical=0.0, fitted=False)
+    model = machine.model
+    if model.opt.gravity.any():
         mass = sized_range("payload", "mass", _LOAD * carried)
-        whole = float(machine.model.body_subtreemass[0])
+        whole = float(model.body_subtreemass[0])
         mass = replace(mass, high=max(mass.high, whole))  # a light tip may carry a heavy load
-        yield candidate(f"payload@{name}", mass=mass, place=nowhere)
+        yield sized_candidate(model, f"payload@{name}", mass=mass, place=given("payload", "place"))
     moved = lever > _STILL
-    force = _RUBS * float(np.median(sized.force[moved] / lever[moved]))
-    each = {
-        f"along_{axis}": sized_range("constant_force", f"along_{axis}", force) for axis in "xyz"
-    }
-    nowhere = replace(ranges(KNOWN["constant_force"])["place"], typical=0.0, fitted=False)
-    yield candidate(f"constant_force@{name}", **each, place=nowhere)
+    each = _RUBS * float(np.median(of.force[moved] / lever[moved]))
+    nowhere = given("constant_force", "place")
+    force = {"along_x": each, "along_y": each, "along_z": each}
+    yield sized_candidate(model, f"constant_force@{name}", **force, place=nowhere)

@@ -15,11 +15,12 @@ from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.seen import address
-from serpent_twin.machines.model.sizes import Sizes, of_joint, sized_range
+from serpent_twin.machines.model.sizes import Sizes, given, sized_candidate, sized_range
 from serpent_twin.machines.model.springs import Spring, single_joints
 from serpent_twin.machines.model.starts import angle_of, measured_joints
 from serpent_twin.machines.model.state_laws import springs_at
 from serpent_twin.machines.model.state_moment import JOINT, TENDON
+from serpent_twin.machines.model.things import lengths
 
 _MOST = 500  # rows that are looked at
 _RUBS, _SLOW = 0.1, 0.2
@@ -34,29 +35,60 @@ _CREEPS, _LATE = 0.2, 2.0
 """Of a session's duration, a time constant of creep: typical and longest"""
 _WARMS, _WARM = 0.3, 0.5
 """And one of warming: what falls more slowly is not told from friction that stays"""
+_TOLD, _LEAST = 0.02, 1e-6
+"""Typical of the stretch that a tendon's actuator answers with as much force as friction has, of its range;
+range of an actuator [m] and lever of a joint [m/rad] that has one
+"""
+_STIFFENS = 0.5
+"""Typical of a tendon's stiffness, by which its typical stretch raises it"""
 _LONG = 25.0
 """Session from which on what is slow can show [s]: five of creep's shortest time constants"""
 
 
 def laws_of_state(
-    machine: Described, training: Sequence[Recording], sized: Sizes
+    machine: Described, training: Sequence[Recording], of: Sizes
 ) -> Iterator[Candidate]:
     """Friction of joints that falls with speed, or while they warm up; of tendons, friction by their tension,
     and clamps that slip; creep of tendons and of drives; and what softens.
     """
     model = machine.model
-    joints = [model.joint(int(n)).name for n in single_joints(model)]
+    joints = {name: n for n in single_joints(model) if (name := model.joint(int(n)).name)}
+    force, rate = (
+        {name: float(each[model.jnt_dofadr[n]]) for name, n in joints.items()}
+        for each in (of.force, of.rate)
+    )
     seconds = float(np.median([run.time[-1] - run.time[0] for run in training]))
-    yield from (_stribeck(machine, name, sized) for name in joints if name)
+    known = effects.ranges(KNOWN["stribeck"])["velocity"]
+    for name in joints:
+        fast = rate[name]
+        slow = replace(known, low=0.02 * fast, typical=_SLOW * fast, high=fast)
+        yield sized_candidate(model, f"stribeck@{name}", extra=_RUBS * force[name], velocity=slow)
     if seconds >= _LONG:
-        yield from (_warming(machine, name, sized, seconds) for name in joints if name)
+        time = _of_session("friction_warming", _WARMS, _WARM, seconds)
+        for name in joints:
+            yield sized_candidate(
+                model, f"friction_warming@{name}", extra=_RUBS * force[name], time=time
+            )
+    rigid = {
+        n: given("cable_friction", n) for n in ("transition_velocity", "by_bend", "presliding")
+    }
+    rigid |= {
+        "coefficient": effects.ranges(KNOWN["cable_friction"])["coefficient"],
+        "strand": ALIKE,
+    }
     loads = _loads(machine, training)
     kinds = (TENDON, JOINT, "drive")
     for each in sorted(loads, key=lambda each: kinds.index(each.kind)):
         if each.kind == TENDON and each.tension.any():
-            yield _rubbing(each.name)
+            yield candidate(f"cable_friction@{each.name}", **rigid)
         if each.stiffness and each.stretch.any() and seconds >= _LONG:
-            yield from _slow(each, seconds)
+            yield from _slow(model, each, seconds)
+
+
+def _of_session(effect: str, typical: float, most: float, seconds: float) -> Range:
+    """The range of an effect's time constant, by shares of a session's duration [s]."""
+    known = effects.ranges(KNOWN[effect])["time"]
+    return replace(known, typical=typical * seconds, high=most * seconds)
 
 
 @dataclass(frozen=True)
@@ -72,51 +104,19 @@ class _Load:
     """[m or rad]"""
 
 
-def _stribeck(machine: Described, name: str, sized: Sizes) -> Candidate:
-    """Friction near rest, of a joint whose speed passes where it falls."""
-    dof = int(machine.model.joint(name).dofadr[0])
-    force, rate = float(sized.force[dof]), float(sized.rate[dof])
-    known = effects.ranges(KNOWN["stribeck"])["velocity"]
-    slow = replace(known, low=0.02 * rate, typical=_SLOW * rate, high=rate)
-    extra = sized_range("stribeck", "extra", _RUBS * force)
-    slow, extra = (of_joint(machine.model, name, each) for each in (slow, extra))
-    return candidate(f"stribeck@{name}", extra=extra, velocity=slow)
-
-
-def _warming(machine: Described, name: str, sized: Sizes, seconds: float) -> Candidate:
-    """Friction that is greater while a joint is cold, of a session that lasts so long [s]."""
-    force = float(sized.force[int(machine.model.joint(name).dofadr[0])])
-    known = effects.ranges(KNOWN["friction_warming"])["time"]
-    time = replace(known, typical=_WARMS * seconds, high=_WARM * seconds)
-    extra = sized_range("friction_warming", "extra", _RUBS * force)
-    return candidate(
-        f"friction_warming@{name}", extra=of_joint(machine.model, name, extra), time=time
-    )
-
-
-def _rubbing(name: str) -> Candidate:
-    """Friction of a tendon, which sticks and is the same at every angle."""
-    known = effects.ranges(KNOWN["cable_friction"])
-    fixed = {
-        each: replace(known[each], typical=0.0, fitted=False)
-        for each in ("transition_velocity", "by_bend", "presliding")
-    }
-    of = known["coefficient"]
-    return candidate(f"cable_friction@{name}", coefficient=of, strand=ALIKE, **fixed)
-
-
-def _slow(load: _Load, seconds: float) -> Iterator[Candidate]:
+def _slow(model: mujoco.MjModel, load: _Load, seconds: float) -> Iterator[Candidate]:
     """Creep, slip and softening of what pulls by so much."""
     name, kind = load.name, load.kind
     if kind != JOINT:
-        known = effects.ranges(KNOWN["cable_creep"])["time"]
-        time = replace(known, typical=_CREEPS * seconds, high=_LATE * seconds)
+        time = _of_session("cable_creep", _CREEPS, _LATE, seconds)
         yield candidate(f"cable_creep@{name}", time=time, strand=ALIKE)
     if kind == TENDON and load.tension.max() > 0:
         yield _slipping(load, seconds)
     if kind != "drive":
-        rate = sized_range("stiffness_drift", "rate", _FADES * 3600.0 / seconds)
-        yield candidate(f"stiffness_drift@{name}", rate=rate, carries=_RECOVERS, strand=ALIKE)
+        rate = _FADES * 3600.0 / seconds
+        yield sized_candidate(
+            model, f"stiffness_drift@{name}", rate=rate, carries=_RECOVERS, strand=ALIKE
+        )
 
 
 def _slipping(load: _Load, seconds: float) -> Candidate:
@@ -163,3 +163,39 @@ def _loads(machine: Described, training: Sequence[Recording]) -> list[_Load]:
         tension = np.clip(spring.stiffness * stretch + told, *spring.limits)
         found.append(_Load(kind, name, float(spring.stiffness[0]), tension, stretch))
     return found
+
+
+def rubbing_tendons(machine: Described) -> Iterator[Candidate]:
+    """Friction of each tendon with an actuator, sized by the stretch that this would answer with as much
+    force.
+    """
+    model = machine.model
+    told = [model.actuator(each.actuator).id for each in machine.commanded]
+    pulls = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    by = {int(model.actuator_trnid[n, 0]): n for n in told if pulls[n]}
+    for tendon, n in by.items():
+        low, high = model.actuator_ctrlrange[n]
+        force = _TOLD * abs(model.actuator_gainprm[n, 0]) * max(high - low, _LEAST)
+        if name := model.tendon(tendon).name:
+            yield sized_candidate(model, f"tendon_friction@{name}", force=float(force))
+
+
+def stiffening_tendons(machine: Described, of: Sizes) -> Iterator[Candidate]:
+    """Stiffening of each tendon with a spring, sized by how far the least force that moves one of its joints
+    stretches it.
+    """
+    model, data = machine.model, mujoco.MjData(machine.model)
+    data.qpos[:] = machine.begin
+    mujoco.mj_forward(model, data)
+    springs = np.flatnonzero(model.tendon_stiffness).tolist()
+    for n in springs:
+        some = slice(model.ten_J_rowadr[n], model.ten_J_rowadr[n] + model.ten_J_rownnz[n])
+        lever = np.abs(data.ten_J[some])
+        moved, name = lever > _LEAST, model.tendon(n).name
+        if not (moved.any() and name):
+            continue
+        pull = np.min(of.force[model.ten_J_colind[some]][moved] / lever[moved])
+        stretch = float(pull / model.tendon_stiffness[n])
+        rate = sized_range("cable_stiffening", "rate", _STIFFENS / stretch)
+        unit = "1/rad" if "rad" in lengths(model, "tendon", name) else rate.unit
+        yield candidate(f"cable_stiffening@{name}", rate=replace(rate, unit=unit), strand=ALIKE)

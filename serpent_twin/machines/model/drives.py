@@ -11,7 +11,8 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, Instant
 from serpent_twin.effects.instant import MomentAtPlace
-from serpent_twin.effects.law import ACTUATOR_COMMAND
+from serpent_twin.effects.law import ACTUATOR_COMMAND, Law
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
@@ -157,6 +158,12 @@ class DrivenMoment(Instant):
         """Give the actuators another goal."""
         object.__setattr__(self, "goal", goal)
         self.winch_angle = goal.copy()
+
+    def reading_of(self, law: Law) -> Array:
+        """What a law follows, (n, 1); raises a `SerpentError` of one that remembers."""
+        if not law.possible:
+            raise SerpentError(f"no command here follows the {law.depends_on}.")
+        return super().reading_of(law)
 
     def add(self, handle: str, place: str, size: Array) -> None:
         """Add a size (n, 1) to what reaches one actuator."""

@@ -27,7 +27,7 @@ from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.springs import drives_on, single_joints
 from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.things import joint_type, lengths
-from serpent_twin.machines.places import LaggedResponse, Response, RowMotion, by_forces
+from serpent_twin.machines.places import LaggedResponse, Places, Response, RowMotion, by_forces
 from serpent_twin.residual import FORCE, TORQUE
 
 MOST = 12
@@ -78,8 +78,10 @@ def clocks_and_commands(machine: Described, pieces: Runs) -> dict[tuple[str, str
 
 
 @dataclass(frozen=True)
-class ModelPlaces:
-    """What S segments of T rows show of changes at a model's places."""
+class ModelPlaces(Places):
+    """What S segments of T rows show of changes at a model's places. Readings are of the twin, and sensors
+    need not show the pose.
+    """
 
     machine: Described
     model: mujoco.MjModel
@@ -139,16 +141,6 @@ class ModelPlaces:
         """Of all states, where segments begin as readings say."""
         rows = self.forced.motion
         return rows.of_starts() if rows.adapts is not None else None
-
-    @property
-    def twin_angles(self) -> Mapping[str, Array]:
-        """None: the readings are of the twin."""
-        return {}
-
-    @property
-    def missing_torques(self) -> None:
-        """None: the sensors of a model need not show the pose."""
-        return
 
     @property
     def _joints(self) -> list[tuple[str, int]]:

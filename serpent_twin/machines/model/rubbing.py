@@ -5,15 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import KNOWN, Range, law_of
+from serpent_twin.effects import law_of
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.machine import ModelMachine
-from serpent_twin.machines.model.sizes import of_joint
+from serpent_twin.machines.model.sizes import given, sized_candidate
 from serpent_twin.machines.model.springs import single_joints
 
 _STRENGTH = {"tendon_friction": "force", "hinge_friction": "coulomb"}
@@ -34,16 +33,11 @@ def rubbing(machine: Described) -> Iterator[Candidate]:
         ("tendon_friction", [model.tendon(n).name for n in range(model.ntendon)]),
         ("hinge_friction", [model.joint(n).name for n in single_joints(model).tolist()]),
     ):
-        none = {"viscous": _none("viscous")} if law == "hinge_friction" else {}
+        none = {"viscous": given(law, "viscous")} if law == "hinge_friction" else {}
         if names and all(names):
             yield candidate(law, **none)
         if len(names) > 1 and all(names):
             yield from (candidate(f"{law}@{name}", **none) for name in names)
-
-
-def _none(parameter: str) -> Range:
-    known = effects.ranges(KNOWN["hinge_friction"])[parameter]
-    return replace(known, typical=0.0, fitted=False)
 
 
 def sized(machine: ModelMachine, few: Runs) -> ModelMachine:
@@ -63,10 +57,7 @@ def sized(machine: ModelMachine, few: Runs) -> ModelMachine:
 def _of_size(machine: Described, one: Candidate, law: str, typical: float) -> Candidate:
     name = _STRENGTH[law]
     strength = replace(one.ranges[name], typical=typical, high=_WIDE * typical)
-    ranges = {**one.ranges, name: strength}
-    if one.at and one.place_kind == "joint":
-        ranges = {each: of_joint(machine.model, one.at, of) for each, of in ranges.items()}
-    there = candidate(one.name, **ranges)
+    there = sized_candidate(machine.model, one.name, **{**one.ranges, name: strength})
     return replace(one, ranges=there.ranges, variants=there.variants)
 
 

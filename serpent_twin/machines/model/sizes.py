@@ -8,11 +8,13 @@ import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import KNOWN, Range
+from serpent_twin.effects import KNOWN, Range, law_of, place_of
+from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.numbers import OF_SLIDES
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
+from serpent_twin.machines.model.things import OBJECTS, names
 
 _MOST = 2000  # rows that are looked at
 _TURN = 0.1  # [rad] typical of a joint whose motion is not measured
@@ -155,4 +157,18 @@ def sized_range(effect: str, parameter: str, typical: float) -> Range:
 def of_joint(model: mujoco.MjModel, joint: str | int, known: Range) -> Range:
     """A range of a law of hinges, at a hinge or a slide of the model."""
     slides = model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
-    return replace(known, unit=OF_SLIDES[known.unit]) if slides else known
+    return replace(known, unit=OF_SLIDES.get(known.unit, known.unit)) if slides else known
+
+
+def given(effect: str, parameter: str, value: float = 0.0) -> Range:
+    """The range of a parameter that is not fitted."""
+    return replace(effects.ranges(KNOWN[effect])[parameter], typical=value, fitted=False)
+
+
+def sized_candidate(model: mujoco.MjModel, name: str, **known: float | Range) -> Candidate:
+    """An effect of a model's machine, its strengths of typical sizes, or its parameters in ranges."""
+    effect, place = law_of(name), place_of(name)
+    own = {n: r if isinstance(r, Range) else sized_range(effect, n, r) for n, r in known.items()}
+    if place and "joint" in KNOWN[effect].places and place in names(model, OBJECTS["joint"]):
+        own = {n: of_joint(model, place, r) for n, r in own.items()}
+    return candidate(name, **own)
