@@ -12,8 +12,11 @@ from pathlib import Path
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import log_file, reading
-from serpent_twin.matching.decide import Decided, decide
-from serpent_twin.matching.write import UNUSED, Decision, Entry, MachineFile, text, undecided
+from serpent_twin.matching import logged, write
+from serpent_twin.matching.decide import decide
+from serpent_twin.matching.matches import Matches
+from serpent_twin.matching.robot import Robot, load
+from serpent_twin.matching.write import UNUSED, Decision
 from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Table, text_table
 
@@ -22,6 +25,10 @@ __all__ = ["Decision", "Matched", "describe"]
 _WIDTH = 60
 """Letters of a reason in a line"""
 _WITHOUT = "_without_meshes.xml"
+_ONE_LOG = (
+    "There is one log: a trace needs two, one of which judges. Record another one, or split this one "
+    "into two files, between two motions."
+)
 
 
 @dataclass(frozen=True)
@@ -87,61 +94,36 @@ def describe(robot: Path, logs: Sequence[Path]) -> Matched:
 
     Raises a `SerpentError` where no machine.toml can be made, with what is missing.
     """
-    found = decide(robot, logs)
-    machine, log = found.robot, found.logged
+    machine, log = load(robot), logged.read(logs)
+    found = Matches(machine, log)
+    chosen = decide(found)
+    tables, left = list(write.entries(found, chosen)), list(write.unused(found))
     model = f"{machine.path.stem}{_WITHOUT}" if machine.without_meshes else machine.path.name
-    clock = log.clock
-    time = f"{{ column = {text(clock.column)}, unit = {text(clock.unit)} }}"
-    page = MachineFile(
-        model,
-        time,
-        f"{clock.column}: {clock.why}",
-        clock.doubt,
-        found.entries,
-        found.unused,
-        log.session,
-    )
-    whole = all(each.column for each in found.entries)
-    refused = _refused(found, page.text(), logs) if whole else ""
-    notes = (*machine.notes, *log.notes, *_of_one_log(found))
-    left = undecided(page.text()) + ((refused,) if refused else ())
+    page = write.page(model, log.clock, log.session, tables, left)
+    whole = all(each.column for each in tables)
+    refused = _refused(machine, page, logs) if whole else ""
+    clock, mark = log.clock, "? " if log.clock.doubt else ""
+    time = Decision(clock.column, "time", "" if clock.stamps else clock.unit, "", mark + clock.why)
+    used = [each.decision() for each in tables if each.column]
     return Matched(
         machine.path,
-        page.text(),
-        _decisions(found),
-        left,
-        notes,
+        page,
+        (time, *used, *left),
+        (*write.undecided(page), *([refused] if refused else [])),
+        (*machine.notes, *log.notes, *([_ONE_LOG] if len(log.pieces) == 1 else [])),
         whole and not refused,
         machine.without_meshes,
     )
 
 
-def _decisions(found: Decided) -> tuple[Decision, ...]:
-    clock = found.logged.clock
-    unit = "" if clock.stamps else clock.unit
-    mark = "? " if clock.doubt else ""
-    first = Decision(clock.column, "time", unit, "", mark + clock.why)
-    return (first, *map(_decision, (e for e in found.entries if e.column)), *found.unused)
-
-
-def _decision(entry: Entry) -> Decision:
-    kind = entry.of[0]
-    what = f"{'command' if entry.kind == 'drive' else 'reading'} of {kind} {entry.of[1]}"
-    scale = "" if entry.meaning.scale == 1 else f" × {entry.meaning.scale:.4g}"
-    sign = "+" if entry.meaning.sign > 0 else "−"
-    why = ("? " if entry.doubts else "") + entry.why
-    return Decision(entry.column, what, entry.meaning.unit + scale, sign, why)
-
-
-def _refused(found: Decided, page: str, logs: Sequence[Path]) -> str:
-    """Why the machine.toml would be refused with these logs, if it is."""
+def _refused(robot: Robot, page: str, logs: Sequence[Path]) -> str:
+    """Why a machine.toml would be refused with these logs, if it is."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "machine.toml"
+        path, model = Path(folder) / "machine.toml", robot.path
         path.write_text(page, encoding="utf-8")
-        model = found.robot.path
-        if found.robot.without_meshes:
+        if robot.without_meshes:
             model = Path(folder) / "robot.xml"
-            model.write_text(found.robot.without_meshes, encoding="utf-8")
+            model.write_text(robot.without_meshes, encoding="utf-8")
         try:
             machine = reading.read(path, model)
             for source in logs:
@@ -149,12 +131,3 @@ def _refused(found: Decided, page: str, logs: Sequence[Path]) -> str:
         except SerpentError as error:
             return str(error).replace(str(path), "machine.toml")
     return ""
-
-
-def _of_one_log(found: Decided) -> list[str]:
-    if len(found.logged.pieces) > 1:
-        return []
-    return [
-        "There is one log: a trace needs two, one of which judges. Record another one, or split this one "
-        "into two files, between two motions."
-    ]

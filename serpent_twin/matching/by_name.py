@@ -1,9 +1,9 @@
 """Match columns to actuators and joints by the words and numbers of their names."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from serpent_twin.matching.robot import FORCE, SERVO, SPEED, Actuator, Robot
+from serpent_twin.matching.robot import FORCE, SERVO, SPEED, Robot
 from serpent_twin.matching.words import (
     COMMAND,
     EFFORT,
@@ -42,104 +42,88 @@ class NameMatches:
     alike: dict[str, list[str]] = field(default_factory=dict)
     """Columns of which names do not tell which is the thing's"""
 
+    def has(self, column: ColumnName) -> bool:
+        """Whether a column is matched to a thing."""
+        return column.name in self.column.values()
+
 
 def commands(robot: Robot, named: Mapping[str, ColumnName]) -> NameMatches:
     """The command columns of actuators; those that say another quantity are left out."""
     found = NameMatches()
+    told = [each for each in named.values() if each.direction == COMMAND]
     for kind, quantity in _QUANTITY.items():
-        things = [_of_actuator(each) for each in robot.actuators if each.kind == kind]
+        things = _actuators(robot, kind)
         for tier in (quantity, ""):
+            several = [each for each in told if each.quantity == tier and not found.has(each)]
             if any(each.name not in found.column for each in things):
-                several = [
-                    each
-                    for each in named.values()
-                    if each.direction == COMMAND
-                    and each.quantity == tier
-                    and each.name not in found.column.values()
-                ]
                 _match(several, things, found, alone=len(robot.actuators) == 1)
     return found
 
 
 def efforts_as_commands(robot: Robot, named: Mapping[str, ColumnName]) -> NameMatches:
     """Columns of torques or currents that do not say that they are commands, for motors."""
-    things = [_of_actuator(each) for each in robot.actuators if each.kind == FORCE]
     found = NameMatches()
     several = [each for each in named.values() if each.quantity == EFFORT]
-    _match(several, things, found, alone=len(robot.actuators) == 1)
+    _match(several, _actuators(robot, FORCE), found, alone=len(robot.actuators) == 1)
     return found
 
 
-def readings(
-    robot: Robot, named: Mapping[str, ColumnName], taken: Sequence[str], quantity: str = POSITION
-) -> NameMatches:
-    """The columns of joints' positions, or of another quantity; names that tell it come first."""
-    found = NameMatches()
-    things = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
-    moved = [each.joint for each in robot.actuators if each.joint]
-    driven = [next(t for t in things if t.name == name) for name in dict.fromkeys(moved)]
-    tiers: tuple[tuple[str, str | None], ...] = ((quantity, None),)
-    if quantity == POSITION:
-        tiers = ((POSITION, None), ("", READING), ("", ""))
-    for tier, direction in tiers:
-        several = [
-            each
-            for each in named.values()
-            if each.direction != COMMAND
-            and each.quantity == tier
-            and (direction is None or each.direction == direction)
-            and each.name not in (*found.column.values(), *taken)
-        ]
-        if direction == "":
-            several = [each for each in several if not _is_bare(each)]
+def readings(robot: Robot, named: Mapping[str, ColumnName], taken: Collection[str]) -> NameMatches:
+    """The columns of joints' positions; names that tell it come first."""
+    found, things = NameMatches(), _joints(robot)
+    moved = dict.fromkeys(each.joint for each in robot.actuators)
+    driven = [each for name in moved for each in things if each.name == name]
+    left = [c for c in named.values() if c.direction != COMMAND and c.name not in taken]
+    tiers = (
+        [c for c in left if c.quantity == POSITION],
+        [c for c in left if c.quantity == "" and c.direction == READING],
+        [c for c in left if c.quantity == "" == c.direction and not _is_bare(c)],
+    )
+    for tier, several in enumerate(tiers):
+        sure = tier < 2
+        several = [each for each in several if not found.has(each)]
         open_ = [each for each in things if each.name not in found.column]
         if len(open_) == len(things):
-            _match(several, things, found, alone=len(things) == 1 and direction != "")
+            _match(several, things, found, alone=sure and len(things) == 1)
             if not found.column and not found.alike and len(driven) < len(things):
-                _match(several, driven, found, alone=len(driven) == 1 and direction != "")
+                _match(several, driven, found, alone=sure and len(driven) == 1)
         elif open_:
             _match(several, open_, found, numbers=False)
-        if direction == "":  # motion tells which of them is a command
-            found.alike = {
-                k: v for k, v in found.alike.items() if not {*v} & {c.name for c in several}
-            }
+        if not sure:  # motion tells which of them is a command
+            unsure = {each.name for each in several}
+            found.alike = {k: v for k, v in found.alike.items() if not unsure & {*v}}
     return found
 
 
 def whose(robot: Robot, columns: Sequence[ColumnName]) -> NameMatches:
     """The joints of columns that are known to be readings."""
     found = NameMatches()
-    things = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
     if not any(map(_is_bare, columns)):
-        _match(columns, things, found)
+        _match(columns, _joints(robot), found)
     return found
 
 
-@dataclass(frozen=True)
-class Family:
-    """Columns that differ in a number, and what each would be of."""
-
-    readings: dict[str, str]
-    """By joint"""
-    commands: dict[str, str]
-    """By actuator"""
-
-
-def families(robot: Robot, columns: Sequence[ColumnName]) -> list[Family]:
-    """Columns that differ in a number, where there is one for each joint and each actuator."""
-    joints = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
-    actuators = [_of_actuator(each) for each in robot.actuators]
-    several: dict[tuple[str, ...], list[ColumnName]] = {}
-    for each in columns:
-        several.setdefault(each.family, []).append(each)
+def families(robot: Robot, columns: Sequence[ColumnName]) -> list[tuple[NameMatches, NameMatches]]:
+    """Columns that differ in a number, as readings and as commands, where there is one for each joint and
+    each actuator.
+    """
     made = []
-    for family in several.values():
+    for family in _by_family(columns):
         read, told = NameMatches(), NameMatches()
-        _match(family, joints, read)
-        _match(family, actuators, told)
-        if len(read.column) == len(joints) and len(told.column) == len(actuators):
-            made.append(Family(read.column, told.column))
+        _match(family, _joints(robot), read)
+        _match(family, _actuators(robot), told)
+        whole = len(read.column) == len(robot.joints), len(told.column) == len(robot.actuators)
+        if all(whole):
+            made.append((read, told))
     return made
+
+
+def _by_family(columns: Sequence[ColumnName]) -> list[list[ColumnName]]:
+    """Columns that differ in numbers only, together."""
+    found: dict[tuple[str, ...], list[ColumnName]] = {}
+    for each in columns:
+        found.setdefault(each.family, []).append(each)
+    return list(found.values())
 
 
 def _is_bare(name: ColumnName) -> bool:
@@ -148,8 +132,16 @@ def _is_bare(name: ColumnName) -> bool:
     return short and name.direction == "" == name.quantity
 
 
-def _of_actuator(each: Actuator) -> Thing:
-    return Thing(each.name, tuple(dict.fromkeys((each.name, each.joint or each.name))))
+def _joints(robot: Robot) -> list[Thing]:
+    return [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
+
+
+def _actuators(robot: Robot, kind: str = "") -> list[Thing]:
+    return [
+        Thing(each.name, tuple(dict.fromkeys((each.name, each.joint or each.name))))
+        for each in robot.actuators
+        if kind in ("", each.kind)
+    ]
 
 
 def _match(
@@ -162,7 +154,7 @@ def _match(
     """Match columns to things that have none: by words, then by numbers; of one thing, its only column."""
     open_ = [each for each in things if each.name not in found.column]
     _by_words(several, open_, found)
-    left = [each for each in several if each.name not in found.column.values()]
+    left = [each for each in several if not found.has(each)]
     open_ = [each for each in open_ if each.name not in found.column]
     if numbers and len(open_) == len(things) > 0:
         _by_numbers(left, open_, found)
@@ -230,12 +222,8 @@ def _within(words: Sequence[str], whole: Sequence[str]) -> bool:
 
 def _by_numbers(several: Sequence[ColumnName], things: Sequence[Thing], found: NameMatches) -> None:
     """Match columns that differ in one number to things that do, or to things in the model's order."""
-    families: dict[tuple[str, ...], list[ColumnName]] = {}
-    for each in several:
-        if each.numbers:
-            families.setdefault(each.family, []).append(each)
     fits = []
-    for family in families.values():
+    for family in _by_family([each for each in several if each.numbers]):
         varies = list(zip(*(each.numbers for each in family), strict=True))
         varies = [n for n in varies if len(set(n)) == len(family)]
         if len(varies) == 1 and (made := _paired(varies[0], things)):

@@ -11,6 +11,10 @@ from serpent_twin.matching.logged import Logged
 LONGEST = 0.4
 """Lag of a reading behind its command [s]"""
 _MOST_LAGS = 60
+_SAME_LEAD = 0.2
+"""Share of what a correlation lacks by which it must change with a lag of one row"""
+_RATE = 0.97
+"""Correlation of a column with the rate of another from which it is its velocity"""
 
 
 @dataclass(frozen=True)
@@ -42,10 +46,6 @@ class Lagged:
         return bool(ahead.max() > behind.max())
 
 
-_SAME_LEAD = 0.2
-"""Share of what a correlation lacks by which it must change with a lag of one row"""
-
-
 def lagged(logged: Logged, columns: Sequence[str], rates: bool = False) -> Lagged:
     """Correlations of columns; with `rates`, of the rates of columns with columns at lags of 0 … 2 rows."""
     period = 1.0 / logged.rate_hz
@@ -69,6 +69,16 @@ def lagged(logged: Logged, columns: Sequence[str], rates: bool = False) -> Lagge
     return Lagged(tuple(columns), lags.astype(float), period, found)
 
 
+def velocities(logged: Logged, columns: Sequence[str]) -> set[str]:
+    """Columns that are the rate of another one."""
+    if len(columns) < 2:
+        return set()
+    found = lagged(logged, columns, rates=True).correlation
+    strongest = np.take_along_axis(found, np.abs(found).argmax(axis=0)[None], axis=0)[0]
+    np.fill_diagonal(strongest, 0.0)
+    return {own for own, of in zip(columns, strongest.T, strict=True) if of.max() > _RATE}
+
+
 def _standard(logged: Logged, several: Sequence[Sequence[Array]]) -> list[Array]:
     """Columns without their mean over all logs, in units of their standard deviation, (K, T) a log."""
     stacked = [np.array(each) for each in several]
@@ -77,10 +87,8 @@ def _standard(logged: Logged, several: Sequence[Sequence[Array]]) -> list[Array]
     return [(each - mean) / np.where(spread > 0, spread, 1.0) for each in stacked]
 
 
-def slope(
-    logged: Logged, command: str, reading: str, lag: float, rate: bool = False
-) -> tuple[float, float]:
-    """Slope and intercept of a reading, or its rate, over the command a lag [s] before."""
+def slope(logged: Logged, command: str, reading: str, lag: float, rate: bool = False) -> float:
+    """Slope of a reading, or its rate, over the command a lag [s] before."""
     x, y = [], []
     for n, piece in enumerate(logged.pieces):
         late = round(lag / piece.period)
@@ -89,5 +97,4 @@ def slope(
         y.append(of[late:])
     a, b = np.concatenate(x), np.concatenate(y)
     spread = a.var()
-    gain = float(((a - a.mean()) * (b - b.mean())).mean() / spread) if spread else 0.0
-    return gain, float(b.mean() - gain * a.mean())
+    return float(((a - a.mean()) * (b - b.mean())).mean() / spread) if spread else 0.0

@@ -1,21 +1,38 @@
-"""Hold the columns of joints and actuators while they are sought."""
+"""Hold the columns of a robot's joints and actuators, with reasons, doubts and what is open."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
+import numpy as np
+
+from serpent_twin.matching.by_name import NameMatches
+from serpent_twin.matching.follows import Lagged, lagged, slope, velocities
 from serpent_twin.matching.logged import Logged
-from serpent_twin.matching.unmatched import velocities
+from serpent_twin.matching.robot import SPEED, Actuator, Robot
+from serpent_twin.matching.trials import ShortRuns, Use
+from serpent_twin.matching.units import UnitSearch
 from serpent_twin.matching.words import EFFORT, OTHER, VELOCITY
+from serpent_twin.units import TO_SI
+
+DECISIVE = float(np.log(1.5))
+"""By how much (of a logarithm) a simulation must leave less to decide"""
+BELIEVED = 0.75
+"""Share of the motion that a simulation leaves at most where it is believed"""
+Assignment = dict[str, str]
+"""Columns by joint or actuator"""
 
 
-@dataclass
+@dataclass(eq=False)
 class Matches:
-    """The columns of joints and actuators, with reasons and what is open."""
+    """What is known of the columns of logs, while they are matched to a robot."""
 
-    readings: dict[str, str] = field(default_factory=dict)
+    robot: Robot
+    logged: Logged
+    readings: Assignment = field(default_factory=dict)
     """By joint"""
-    commands: dict[str, str] = field(default_factory=dict)
+    commands: Assignment = field(default_factory=dict)
     """By actuator"""
-    why: dict[str, str] = field(default_factory=dict)
+    why: dict[str, list[str]] = field(default_factory=dict)
     """By column"""
     doubts: dict[str, list[str]] = field(default_factory=dict)
     """By column"""
@@ -24,21 +41,73 @@ class Matches:
     alike: dict[str, list[str]] = field(default_factory=dict)
     """Columns among which nothing chooses, by the thing"""
     open: list[str] = field(default_factory=list)
-    """What motion did not tell"""
+    """Sentences on what was not decided"""
+    lags: Lagged = field(init=False)
+    """Of the columns that `correlate` was given"""
+
+    def __post_init__(self) -> None:
+        self.trials = ShortRuns(self.robot, self.logged)
+        self.units = UnitSearch(self.robot, self.logged)
+
+    def say(self, column: str, text: str) -> None:
+        """Add a reason."""
+        self.why.setdefault(column, []).append(text)
 
     def doubt(self, column: str, text: str) -> None:
-        """Add a doubt on a column."""
+        """Add a doubt."""
         self.doubts.setdefault(column, []).append(text)
 
+    def add(self, columns: Assignment, told: NameMatches) -> None:
+        """Take what names tell into the readings or the commands."""
+        columns |= told.column
+        for thing, column in told.column.items():
+            self.say(column, told.why[thing])
+        self.by_order |= {told.column[thing] for thing in told.by_order}
+        self.alike |= told.alike
 
-def pool(log: Logged, found: Matches) -> list[str]:
-    """Columns that no name told, but for those that are of something else."""
-    taken = {*found.readings.values(), *found.commands.values()}
-    left = [
-        n
-        for n, each in log.names.items()
-        if n not in taken and each.quantity not in (OTHER, VELOCITY, EFFORT)
-    ]
-    left = [n for n in left if not any(n in several for several in found.alike.values())]
-    rates = velocities(log, [*left, *found.readings.values()])
-    return [n for n in left if n not in rates]
+    @cached_property
+    def velocities(self) -> set[str]:
+        """Columns that are the rate of another one."""
+        named = self.logged.names.values()
+        return velocities(self.logged, [each.name for each in named if each.quantity != OTHER])
+
+    @property
+    def taken(self) -> list[str]:
+        """Columns that are matched by now."""
+        return [*self.readings.values(), *self.commands.values()]
+
+    def pool(self) -> list[str]:
+        """Columns of which nothing told yet whose they are, but for those of something else."""
+        alike = {column for several in self.alike.values() for column in several}
+        gone = {*self.taken, *alike, *self.velocities}
+        return [
+            name
+            for name, each in self.logged.names.items()
+            if name not in gone and each.quantity not in (OTHER, VELOCITY, EFFORT)
+        ]
+
+    def correlate(self, more: list[str]) -> None:
+        """Find the lags between all columns that are matched, and further ones."""
+        self.lags = lagged(self.logged, [*dict.fromkeys([*more, *self.taken])])
+
+    def known_readings(self) -> dict[str, Use]:
+        """Columns of readings that are matched by now, in their likeliest units."""
+        several = {j: self.reading_of(j, column) for j, column in self.readings.items()}
+        return {joint: use for joint, use in several.items() if use}
+
+    def reading_of(self, joint: str, column: str) -> Use | None:
+        """A column as a joint's reading in its likeliest unit; None if it is beyond the range in all."""
+        believed = self.units.of_reading(joint, column).believed
+        if not believed or believed[0] not in ("rad", "deg", "m", "mm"):
+            return None
+        sign = self.units.signs_of_reading(joint, column, believed[0])[0]
+        return column, sign * TO_SI[believed[0]][0]
+
+    def slope_of(self, actuator: Actuator, joint: str) -> tuple[float, float]:
+        """How a servo's reading, or its rate, changes with its command, and how strongly it correlates."""
+        command, reading = self.commands[actuator.name], self.readings[joint]
+        gear = actuator.gear or 1.0
+        if actuator.kind == SPEED:
+            return slope(self.logged, command, reading, 0.0, rate=True) * gear, 1.0
+        how, lag = self.lags.best(command, reading)
+        return slope(self.logged, command, reading, lag) * gear, how

@@ -42,11 +42,11 @@ class Actuator:
     """Servo, speed servo or motor"""
     joint: str
     """Empty if it moves something else"""
-    moves: str
-    """Kind and name of what it moves"""
     limits: tuple[float, float] | None
     """Of its control"""
     gear: float
+    slides: bool
+    """Whether it moves a slide or a tendon, along a length"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,14 +209,15 @@ def _joints(model: mujoco.MjModel) -> Iterator[Joint]:
 def _actuators(model: mujoco.MjModel) -> Iterator[Actuator]:
     for n, name in enumerate(names(model, OBJECTS["actuator"])):
         kind, moved = acts_on(model, name)
+        joint = moved if kind == "joint" else ""
         limits = model.actuator_ctrlrange[n] if model.actuator_ctrllimited[n] else None
         yield Actuator(
             name,
             _kind(model, n),
-            moved if kind == "joint" else "",
-            f"{kind} {moved}".strip(),
+            joint,
             None if limits is None else (float(limits[0]), float(limits[1])),
             float(model.actuator_gear[n, 0]),
+            kind == "tendon" or (bool(joint) and joint_type(model, joint) == "slide"),
         )
 
 

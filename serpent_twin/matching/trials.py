@@ -1,7 +1,7 @@
 """Simulate short pieces of logs from logged states, to compare what columns might be."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -51,8 +51,8 @@ class ShortRuns:
 
     robot: Robot
     logged: Logged
-    idle: dict[object, Array] = field(default_factory=dict, repr=False)
-    """Motions without the forces of motors, by what else they depend on"""
+    shown: dict[object, Array] = field(default_factory=dict, repr=False)
+    """Simulated motions, by the columns that they begin at and are driven by"""
 
     @cached_property
     def rows(self) -> int:
@@ -77,11 +77,11 @@ class ShortRuns:
         """What is left, if joints' readings and actuators' controls are these columns."""
         if not self.starts or not readings:
             return Left({}, {})
+        readings = dict(sorted(readings.items()))
         measured, rates = self._measured(readings)
-        shown = self._shown(readings, measured, rates, controls)
         motors = {a.name for a in self.robot.actuators if a.kind == FORCE}
-        idle = {name: use for name, use in controls.items() if name not in motors}
-        still = self._idle(readings, measured, rates, idle) if idle != dict(controls) else shown
+        shown = self._shown(readings, controls)
+        still = self._shown(readings, {n: use for n, use in controls.items() if n not in motors})
         share, of_log = {}, {}
         for k, joint in enumerate(readings):
             rest = self._curved(measured[:, 1:, k])
@@ -91,52 +91,34 @@ class ShortRuns:
             share[joint], of_log[joint] = self._shares(off, _unexplained(rest, 0 * rest, alone))
         return Left(share, of_log)
 
-    def needed(self, readings: Mapping[str, Use]) -> dict[str, float]:
-        """Root mean square of the force that the model says each joint's motion needs [N m or N]."""
-        measured, rates = self._measured(readings)
+    def needed(self, joint: str, reading: Use) -> float:
+        """Root mean square of the force that the model says a joint's motion needs [N m or N]."""
+        measured, rates = (each[..., 0] for each in self._measured({joint: reading}))
         model, _ = self._model
         data = mujoco.MjData(model)
-        places = [model.joint(name) for name in readings]
-        at, moved = (
-            [int(a[0]) for a in each]
-            for each in ([p.qposadr for p in places], [p.dofadr for p in places])
-        )
+        at, moved = self._places([joint])
         forces = []
         for s in range(len(self.starts)):
             data.qpos[at], data.qvel[moved] = measured[s, 0], rates[s, 0]
             data.qacc[moved] = (rates[s, -1] - rates[s, 0]) * self.logged.rate_hz / self.rows
             mujoco.mj_inverse(model, data)
-            forces.append(data.qfrc_inverse[moved].copy())
-        size = np.sqrt(np.mean(np.square(forces), axis=0)) if forces else np.zeros(len(places))
-        return dict(zip(readings, map(float, size), strict=True))
+            forces.append(float(data.qfrc_inverse[moved[0]]))
+        return float(np.sqrt(np.mean(np.square(forces)))) if forces else 0.0
 
-    def _shown(
-        self,
-        readings: Mapping[str, Use],
-        measured: Array,
-        rates: Array,
-        controls: Mapping[str, Use],
-    ) -> Array:
+    def _places(self, joints: Iterable[str]) -> tuple[list[int], list[int]]:
+        """Where the positions and the velocities of joints lie in the model's state."""
+        several = [self.robot.model.joint(name) for name in joints]
+        return [int(p.qposadr[0]) for p in several], [int(p.dofadr[0]) for p in several]
+
+    def _shown(self, readings: Mapping[str, Use], controls: Mapping[str, Use]) -> Array:
         """What the model shows, (S, rows, J), limited where it is unstable."""
-        with quietly(), np.errstate(all="ignore"):
-            found = self._simulated(readings, measured[:, 0], rates[:, 0], controls)
-        return np.clip(np.nan_to_num(found, nan=_FAR, posinf=_FAR, neginf=-_FAR), -_FAR, _FAR)
-
-    def _idle(
-        self,
-        readings: Mapping[str, Use],
-        measured: Array,
-        rates: Array,
-        controls: Mapping[str, Use],
-    ) -> Array:
-        """What the model shows without the forces of motors."""
-        key = (tuple(sorted(readings.items())), tuple(sorted(controls.items())))
-        if key not in self.idle:
-            first = np.argsort(list(readings))
-            several = dict(sorted(readings.items()))
-            self.idle[key] = self._shown(several, measured[..., first], rates[..., first], controls)
-        order = [sorted(readings).index(each) for each in readings]
-        return self.idle[key][..., order]
+        key = (tuple(readings.items()), tuple(sorted(controls.items())))
+        if key not in self.shown:
+            with quietly(), np.errstate(all="ignore"):
+                found = self._simulated(readings, controls)
+            found = np.nan_to_num(found, nan=_FAR, posinf=_FAR, neginf=-_FAR)
+            self.shown[key] = np.clip(found, -_FAR, _FAR)
+        return self.shown[key]
 
     def _curved(self, values: Array) -> Array:
         """What straight lines leave of motions (S, rows): noise of where a piece starts is a line."""
@@ -158,36 +140,31 @@ class ShortRuns:
 
     def _measured(self, readings: Mapping[str, Use]) -> tuple[Array, Array]:
         """Readings and their rates in each piece [SI], (S, 1 + rows, J)."""
-        values, rates = [], []
-        for column, factor in readings.values():
+        found = np.empty((2, len(self.starts), 1 + self.rows, len(readings)))
+        for k, (column, factor) in enumerate(readings.values()):
             smooth = self.logged.smoothed(column)
-            cut = [slice(row, row + self.rows + 1) for _, row in self.starts]
-            pairs = list(zip(self.starts, cut, strict=True))
-            values.append([factor * smooth[n][0][rows] for (n, _), rows in pairs])
-            rates.append([factor * smooth[n][1][rows] for (n, _), rows in pairs])
-        return np.moveaxis(np.array(values), 0, -1), np.moveaxis(np.array(rates), 0, -1)
+            for s, (n, row) in enumerate(self.starts):
+                value, rate = smooth[n]
+                found[0, s, :, k] = factor * value[row : row + self.rows + 1]
+                found[1, s, :, k] = factor * rate[row : row + self.rows + 1]
+        return found[0], found[1]
 
-    def _simulated(
-        self, readings: Mapping[str, Use], angle: Array, rate: Array, controls: Mapping[str, Use]
-    ) -> Array:
+    def _simulated(self, readings: Mapping[str, Use], controls: Mapping[str, Use]) -> Array:
         """Joints of the model after each row, (S, rows, J)."""
         model, steps = self._model
+        angle, rate = (each[:, 0] for each in self._measured(readings))
         told = self._controls(controls, dict(zip(readings, angle.T, strict=True)))
         data = mujoco.MjData(model)
         spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
-        size = mujoco.mj_stateSize(model, spec)
-        state = np.empty((len(self.starts), size))
-        places = [model.joint(name) for name in readings]
-        at = [int(each.qposadr[0]) for each in places]
-        moved = [int(each.dofadr[0]) for each in places]
+        state = np.empty((len(self.starts), mujoco.mj_stateSize(model, spec)))
+        at, moved = self._places(readings)
         for s in range(len(self.starts)):
             mujoco.mj_resetData(model, data)
             data.qpos[at], data.qvel[moved] = angle[s], rate[s]
             data.ctrl[:] = told[s, 0]
             self._begin(model, data)
             mujoco.mj_getState(model, data, state[s], spec)
-        control = np.repeat(told, steps, axis=1)
-        shown, _ = rollout.rollout(model, data, state, control)
+        shown, _ = rollout.rollout(model, data, state, np.repeat(told, steps, axis=1))
         return np.asarray(shown)[:, steps - 1 :: steps, [1 + n for n in at]]
 
     @staticmethod

@@ -1,15 +1,18 @@
 """Write a machine.toml with a reason beside each entry, and the table of what was decided."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from serpent_twin.matching.units import Meaning
+from serpent_twin.matching.choose import Chosen
+from serpent_twin.matching.clock import TimeAxis
+from serpent_twin.matching.matches import Matches
+from serpent_twin.matching.units import Meaning, of_control, of_joint
+from serpent_twin.matching.words import COMMAND, EFFORT, OTHER, VELOCITY
+from serpent_twin.stored import names
 
 UNDECIDED = "UNDECIDED"
 """What stands in a machine.toml before what could not be decided"""
-
-
 UNUSED = "not used"
 """What a decision begins with on a column that machine.toml does not name"""
 
@@ -37,8 +40,8 @@ class Entry:
     """Empty if none was found, and the entry is a comment"""
     meaning: Meaning
     why: str
-    doubts: tuple[str, ...] = ()
-    might: tuple[str, ...] = ()
+    doubts: Sequence[str]
+    might: Sequence[str] = ()
     """Columns that it might be, where none was found"""
 
     def lines(self) -> list[str]:
@@ -59,39 +62,91 @@ class Entry:
         said += [f"# {UNDECIDED}: {each}" for each in self.doubts]
         return [*said, *(made if self.column else [f"# {each}" for each in made])]
 
+    def decision(self) -> Decision:
+        """The same for a reader."""
+        what = f"{'command' if self.kind == 'drive' else 'reading'} of {' '.join(self.of)}"
+        scale = "" if self.meaning.scale == 1 else f" × {self.meaning.scale:.4g}"
+        sign = "+" if self.meaning.sign > 0 else "−"
+        why = ("? " if self.doubts else "") + self.why
+        return Decision(self.column, what, self.meaning.unit + scale, sign, why)
 
-@dataclass(frozen=True)
-class MachineFile:
-    """All that a machine.toml says."""
 
-    model: str
-    time: str
-    """The value of the key `time`"""
-    clock_why: str
-    clock_doubt: str
-    entries: Sequence[Entry]
-    unused: Sequence[Decision]
-    session: str = ""
+def entries(found: Matches, chosen: Chosen) -> Iterator[Entry]:
+    """The tables of machine.toml: each actuator, each joint with a column or an actuator."""
+    pool = found.pool()
+    for each in found.robot.actuators:
+        column = found.commands.get(each.name, "")
+        meaning = chosen.controls.get(each.name) or Meaning(of_control(each)[0])
+        yield _entry("drive", ("actuator", each.name), column, meaning, found, pool)
+    moved = {each.joint for each in found.robot.actuators}
+    for each in found.robot.joints:
+        column = found.readings.get(each.name, "")
+        meaning = chosen.readings.get(each.name) or Meaning(of_joint(each)[0])
+        if column or each.name in moved:
+            yield _entry("measured", ("joint", each.name), column, meaning, found, pool)
 
-    def text(self) -> str:
-        """The file."""
-        head = [
-            "# Written by python -m serpent_twin.init by names, ranges and motion of columns: check it.",
-            f"# What could not be decided is marked {UNDECIDED}.",
-            "# docs/reference/machine-toml.md lists the keys.",
-            "schema_version = 1",
-            f"model = {text(self.model)}",
-            'rows = "motion"',
-            f"# {self.clock_why}",
-            *([f"# {UNDECIDED}: {self.clock_doubt}"] if self.clock_doubt else []),
-            f"time = {self.time}",
-        ]
-        if self.session:
-            head.append(f"session = {text(self.session)}")
-        body = [line for each in self.entries for line in ("", *each.lines())]
-        if self.unused:
-            body += ["", *(f"# {each.column}: {each.what}" for each in self.unused)]
-        return "\n".join([*head, *body]) + "\n"
+
+def _entry(
+    kind: str,
+    of: tuple[str, str],
+    column: str,
+    meaning: Meaning,
+    found: Matches,
+    pool: Sequence[str],
+) -> Entry:
+    if column:
+        doubts = list(dict.fromkeys(found.doubts.get(column, [])))
+        return Entry(kind, of, column, meaning, "; ".join(found.why[column]), doubts)
+    might = found.alike.get(of[1]) or pool
+    what = "command of" if kind == "drive" else "reading of"
+    some = f": one of {names(list(might), 6)}" if might else ": no column is left"
+    told = f"; {'; '.join(found.open[:2])}" if found.open else ""
+    rest = "" if kind == "drive" else "; delete these lines if it is not measured"
+    lacks = f"the {what} {' '.join(of)}{some}{told}{rest}"
+    return Entry(kind, of, "", meaning, "", [lacks], might)
+
+
+def unused(found: Matches) -> Iterator[Decision]:
+    """Columns that machine.toml does not name, and what they seem to be."""
+    log = found.logged
+    for name, each in log.names.items():
+        if name in found.taken:
+            continue
+        if name in found.velocities or (each.quantity == VELOCITY and each.direction != COMMAND):
+            what = "velocities, as positions are compared"
+        elif each.quantity == EFFORT:
+            what = "efforts, which [[measured]] of actuators could name, with torque constants as scale"
+        elif each.quantity == OTHER:
+            what = "neither a command nor a reading, by its name"
+        elif each.direction == COMMAND:
+            what = "a command that no actuator is told"
+        else:
+            what = "matches nothing"
+        yield Decision(name, f"{UNUSED}: {what}")
+    for several, what in ((log.constant, "the same in all rows"), (log.texts, "no numbers")):
+        yield from (Decision(name, f"{UNUSED}: {what}") for name in several)
+
+
+def page(
+    model: str, clock: TimeAxis, session: str, tables: Sequence[Entry], left: Sequence[Decision]
+) -> str:
+    """A machine.toml: the model's file, the clock, the column that names runs, tables, and columns left."""
+    head = [
+        "# Written by python -m serpent_twin.init by names, ranges and motion of columns: check it.",
+        f"# What could not be decided is marked {UNDECIDED}.",
+        "# docs/reference/machine-toml.md lists the keys.",
+        "schema_version = 1",
+        f"model = {text(model)}",
+        'rows = "motion"',
+        f"# {clock.column}: {clock.why}",
+        *([f"# {UNDECIDED}: {clock.doubt}"] if clock.doubt else []),
+        f"time = {{ column = {text(clock.column)}, unit = {text(clock.unit)} }}",
+        *([f"session = {text(session)}"] if session else []),
+    ]
+    body = [line for each in tables for line in ("", *each.lines())]
+    if left:
+        body += ["", *(f"# {each.column}: {each.what}" for each in left)]
+    return "\n".join([*head, *body]) + "\n"
 
 
 def text(value: str) -> str:
