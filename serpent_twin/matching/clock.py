@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.description import ADVICE
-from serpent_twin.matching.words import ColumnName
+from serpent_twin.matching.words import OTHER, ColumnName
 from serpent_twin.numerals import listed
 from serpent_twin.stored import names
 from serpent_twin.tables import DataTable
@@ -24,6 +24,8 @@ _SURE = 3.0
 """How many times a time between rows must keep from these bounds"""
 _SINCE_1970 = (1.0e9, 3.0e9)
 """Times since 1970 of the years 2001 … 2065 [s]"""
+_PLAIN = [("t",), ("time",), ("timestamp",), ("stamp",)]
+"""Words for time that come first"""
 _FORWARD = 0.98
 """Share of rows in which a clock goes on or stays"""
 
@@ -55,39 +57,24 @@ def find(
     several = [*stamped, *going]
     called = [n for n in several if named[n].time]
     counters = [n for n in going if _counts(first, n)]
-    found = called or [n for n in several if n not in counters and named[n].quantity != "other"]
-    alone = found or [n for n in counters if named[n].quantity != "other"] or counters
-    if not alone:
+    of_time = [n for n in several if named[n].quantity != OTHER]
+    no_counter = [n for n in of_time if n not in counters]
+    found = called or no_counter or of_time or counters
+    if not found:
         there = names(list(common), 20)
         raise SerpentError(
             f'{first.path}: no column goes on as time does; there are: {there}. Rows of `rows = "motion"` '
             'need a clock; if rows are poses at rest, write machine.toml with rows = "poses". '
             + ADVICE
         )
-    if len(alone) > 1:
-        alone = _best(alone, stamped, counters, named)
-    return _clock(tables, alone[0], named, stamped, [n for n in several if n != alone[0]])
 
-
-def _best(
-    several: Sequence[str],
-    stamped: Sequence[str],
-    counters: Sequence[str],
-    named: Mapping[str, ColumnName],
-) -> list[str]:
-    """Of several clocks the one with stamps or with a word for time first and a unit, no counter."""
-    plain = ("t", "time", "timestamp", "stamp")
-
-    def rank(name: str) -> tuple[bool, bool, bool, bool]:
+    def rank(name: str) -> tuple[bool, ...]:
         about = named[name]
-        return (
-            name in counters,
-            not about.time,
-            name not in stamped and about.own[:1] not in [(each,) for each in plain],
-            not about.unit,
-        )
+        plain = name in stamped or about.own[:1] in _PLAIN
+        return name in counters, not about.time, not plain, not about.unit
 
-    return sorted(several, key=rank)
+    clock = min(found, key=rank)
+    return _clock(tables, clock, named[clock], clock in stamped, [n for n in several if n != clock])
 
 
 def _is_stamp(values: NDArray[Any]) -> bool:
@@ -121,48 +108,38 @@ def _counts(table: DataTable, name: str) -> bool:
 
 
 def _clock(
-    tables: Sequence[DataTable],
-    name: str,
-    named: Mapping[str, ColumnName],
-    stamped: Sequence[str],
-    others: Sequence[str],
+    tables: Sequence[DataTable], name: str, about: ColumnName, stamps: bool, others: Sequence[str]
 ) -> TimeAxis:
+    """A clock with its unit, as its name, its beginning and its steps say."""
     beside = f"; {listed(map(repr, others[:3]))} also grow" if others else ""
-    if name in stamped:
+    if stamps:
         return TimeAxis(name, "s", "time stamps" + beside, stamps=True)
-    values = np.concatenate([table.numbers(name) for table in tables])
-    steps = np.concatenate([np.diff(table.numbers(name)) for table in tables])
-    step = float(np.median(steps[steps > 0]))
-    start = float(np.nanmin(np.abs(values)))
-    own = named[name].unit if named[name].unit in UNITS else ""
-    how = [_believed(start, step, unit) for unit in UNITS]
-    fits = [unit for unit, each in zip(UNITS, how, strict=True) if each]
+    several = [table.numbers(name) for table in tables]
+    values, steps = np.concatenate(several), np.concatenate([np.diff(each) for each in several])
+    step, start = float(np.median(steps[steps > 0])), float(np.nanmin(np.abs(values)))
+    own = about.unit if about.unit in UNITS else ""
+    fits = [unit for unit in UNITS if _believed(start, step, unit)]
     if _counts(tables[0], name) and not own and values[0] in (0.0, 1.0):
         doubt = f"{name!r} counts rows: write scale, the time between rows in s, such as 0.01 for 100 Hz"
         return TimeAxis(name, "s", "counts the rows" + beside, doubt)
     if own in fits:
         return TimeAxis(name, own, f"by its name; rows {_apart(step, own)} apart" + beside)
-    if own and not fits:
-        return TimeAxis(name, own, "by its name", _odd(name, step, own))
-    if own:
-        apart, instead = _apart(step, own), _apart(step, fits[0])
-        why = f"its name says {own}, but rows would be {apart} apart; in {fits[0]} {instead}"
-        return TimeAxis(name, fits[0], why + beside, f"{why}: taken as {fits[0]}")
     if not fits:
-        return TimeAxis(name, "s", "no unit is believable", _odd(name, step, "s"))
-    unit = fits[0]
-    near = [u for u in UNITS if u != unit and _nearly(step, u)]
+        why, unit = ("by its name", own) if own else ("no unit is believable", "s")
+        odd = f"rows of {name!r} are {_apart(step, unit)} apart: state the unit of time"
+        return TimeAxis(name, unit, why, odd)
+    unit, apart = fits[0], _apart(step, fits[0])
+    if own:
+        why = f"its name says {own}, but rows would be {_apart(step, own)} apart; in {unit} {apart}"
+        return TimeAxis(name, unit, why + beside, f"{why}: taken as {unit}")
     since = _since_1970(start, unit)
-    why = f"rows {_apart(step, unit)} apart" + (", since 1970" if since else "") + beside
+    why = f"rows {apart} apart" + (", since 1970" if since else "") + beside
+    near = next((u for u in UNITS if u != unit and _in_bounds(step, u, _SURE)), "")
+    doubt = ""
     if near and not since:
-        apart, instead = _apart(step, unit), _apart(step, near[0])
-        doubt = f"{name!r} may be in {unit}, rows {apart} apart, or in {near[0]}, {instead}"
-        return TimeAxis(name, unit, why, doubt)
-    return TimeAxis(name, unit, why)
-
-
-def _odd(name: str, step: float, unit: str) -> str:
-    return f"rows of {name!r} are {_apart(step, unit)} apart: state the unit of time"
+        other = _apart(step, near)
+        doubt = f"{name!r} may be in {unit}, rows {apart} apart, or in {near}, {other}"
+    return TimeAxis(name, unit, why, doubt)
 
 
 def _since_1970(start: float, unit: str) -> bool:
@@ -171,14 +148,15 @@ def _since_1970(start: float, unit: str) -> bool:
 
 def _believed(start: float, step: float, unit: str) -> bool:
     """Whether a clock may be in a unit: by its absolute time, if that is since 1970; else by its steps."""
-    since = [each for each in UNITS if _since_1970(start, each)]
-    if since and _PERIODS[0] / 10 <= step * TO_SI[since[0]][0] <= _PERIODS[1] * 10:
-        return unit == since[0]
-    return _PERIODS[0] <= step * TO_SI[unit][0] <= _PERIODS[1]
+    since = next((each for each in UNITS if _since_1970(start, each)), "")
+    if since and _in_bounds(step, since, 10.0):
+        return unit == since
+    return _in_bounds(step, unit)
 
 
-def _nearly(step: float, unit: str) -> bool:
-    return _PERIODS[0] / _SURE <= step * TO_SI[unit][0] <= _PERIODS[1] * _SURE
+def _in_bounds(step: float, unit: str, wider: float = 1.0) -> bool:
+    """Whether a time between rows is believed, or not far from that."""
+    return _PERIODS[0] / wider <= step * TO_SI[unit][0] <= _PERIODS[1] * wider
 
 
 def _apart(step: float, unit: str) -> str:

@@ -1,7 +1,7 @@
 """Match the columns of logs to a robot's actuators and joints."""
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.matching import by_motion, by_name, logged
+from serpent_twin.matching import by_motion, by_name
 from serpent_twin.matching.choose import Chosen, choose
 from serpent_twin.matching.judge import judge
 from serpent_twin.matching.matches import Matches
@@ -50,7 +50,9 @@ def _require_some(found: Matches) -> None:
     if found.commands and found.readings:
         return
     log, machine = found.logged, found.robot
-    logs, there = logged.listed_paths(log), names([*log.names, *log.constant], 20)
+    more = " …" if len(log.paths) > 3 else ""
+    logs = listed(path.name for path in log.paths[:3]) + more
+    there = names([*log.names, *log.constant], 20)
     joints = listed(each.name for each in machine.joints[:6])
     actuators = listed(each.name for each in machine.actuators[:6])
     told = f" {'; '.join(found.open[:3])}." if found.open else ""

@@ -51,13 +51,12 @@ def lagged(logged: Logged, columns: Sequence[str], rates: bool = False) -> Lagge
     period = 1.0 / logged.rate_hz
     most = 2 if rates else round(LONGEST / period)
     lags = np.unique(np.linspace(0, most, min(most, _MOST_LAGS) + 1).round().astype(int))
-    later = _standard(logged, [[p.values[c] for c in columns] for p in logged.pieces])
+    later = _standard([[p.values[c] for c in columns] for p in logged.pieces])
     first = later
     if rates:
         smooth = {c: logged.smoothed(c) for c in columns}
-        first = _standard(
-            logged, [[smooth[c][n][1] for c in columns] for n in range(len(logged.pieces))]
-        )
+        logs = range(len(logged.pieces))
+        first = _standard([[smooth[c][n][1] for c in columns] for n in logs])
     found = np.zeros((len(lags), len(columns), len(columns)))
     for n, lag in enumerate(lags):
         count = 0
@@ -79,7 +78,7 @@ def velocities(logged: Logged, columns: Sequence[str]) -> set[str]:
     return {own for own, of in zip(columns, strongest.T, strict=True) if of.max() > _RATE}
 
 
-def _standard(logged: Logged, several: Sequence[Sequence[Array]]) -> list[Array]:
+def _standard(several: Sequence[Sequence[Array]]) -> list[Array]:
     """Columns without their mean over all logs, in units of their standard deviation, (K, T) a log."""
     stacked = [np.array(each) for each in several]
     whole = np.concatenate(stacked, axis=1)

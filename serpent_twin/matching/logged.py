@@ -1,5 +1,6 @@
 """Read logs whose columns nothing names yet, and put them on even rows."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,9 +21,10 @@ from serpent_twin.matching import clock as clocks
 from serpent_twin.matching import words
 from serpent_twin.matching.clock import TimeAxis
 from serpent_twin.matching.words import ColumnName
-from serpent_twin.numerals import counted, listed
+from serpent_twin.numerals import counted
 from serpent_twin.stored import names
 from serpent_twin.tables import DataTable
+from serpent_twin.tables.even import spread
 from serpent_twin.tables.sampling import held_cells
 from serpent_twin.units import TO_SI
 
@@ -185,7 +187,7 @@ def _grouped(found: Sequence[DataTable]) -> tuple[list[LogTables], list[str]]:
             f"{names(left)}: not in all logs, and not looked at."
         ]
     needed = sorted(frozenset.union(*sets) - shared)
-    folder = Path(*_common_parts([each.path.parent for each in found]))
+    folder = Path(os.path.commonpath([each.path.parent.absolute() for each in found]))
     try:
         if not shared:
             raise SerpentError("no column is in all logs")
@@ -198,11 +200,6 @@ def _grouped(found: Sequence[DataTable]) -> tuple[list[LogTables], list[str]]:
             f"The logs have {len(kinds)} kinds of columns, as of several machines: {told}. Give the logs of "
             "one robot."
         ) from None
-
-
-def _common_parts(folders: Sequence[Path]) -> list[str]:
-    parts = [each.absolute().parts for each in folders]
-    return [each[0] for each in zip(*parts, strict=False) if len(set(each)) == 1]
 
 
 def _common(logs: Sequence[LogTables]) -> list[str]:
@@ -242,9 +239,8 @@ def _rows(table: DataTable, clock: TimeAxis) -> tuple[Array, NDArray[Any]]:
     order = order[np.argsort(time[order], kind="stable")]
     time = time[order]
     first = np.r_[True, np.diff(time) > 0]
-    if first.mean() < 0.5:  # a coarse clock, whose rows are spread
-        edges = np.flatnonzero(first)
-        return np.interp(np.arange(len(time)), edges, time[edges]), order
+    if first.mean() < 0.5:  # a coarse clock
+        return spread(time)[0], order
     return time[first], order[first]
 
 
@@ -258,8 +254,3 @@ def _at(grid: Array, time: Array, values: Array) -> Array | None:
         held[: np.flatnonzero(finite)[0]] = values[finite][0]
         return held[np.clip(np.searchsorted(time, grid + 1e-9, side="right") - 1, 0, None)]
     return np.interp(grid, time[finite], values[finite])
-
-
-def listed_paths(logged: Logged) -> str:
-    """The logs, for a sentence."""
-    return listed(path.name for path in logged.paths[:3]) + (" …" if len(logged.paths) > 3 else "")

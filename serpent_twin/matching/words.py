@@ -7,73 +7,70 @@ COMMAND, READING = "command", "reading"
 """What a column may be, by its name; nothing where it does not tell"""
 POSITION, VELOCITY, EFFORT, OTHER = "position", "velocity", "effort", "other"
 """Which quantity it may be"""
-_COMMANDS = (
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_COMMANDS = _words(
     "cmd command commanded commands goal target desired des ctrl control con ref reference setpoint "
     "setpoints set sp action actions demand demanded requested request u"
 )
-_READINGS = (
+_READINGS = _words(
     "meas measured measurement actual encoder enc state states fb feedback present observation obs "
     "real read reading sensor sensed current_position q theta"
 )
-_SURE = "meas measured actual present fb feedback observation"
-_POSITIONS = "pos position positions q qpos theta angle angles ang encoder enc th phi displacement"
-_VELOCITIES = "vel velocity velocities dq qd qvel rate speed omega dtheta thetad dot qdot thetadot"
-_ACCELERATIONS = "acc accel acceleration ddq qdd ddot"
-_EFFORTS = (
+_SURE = _words("meas measured actual present fb feedback observation")
+_POSITIONS = _words(
+    "pos position positions q qpos theta angle angles ang encoder enc th phi displacement"
+)
+_VELOCITIES = _words(
+    "vel velocity velocities dq qd qvel rate speed omega dtheta thetad dot qdot thetadot"
+)
+_ACCELERATIONS = _words("acc accel acceleration ddq qdd ddot")
+_EFFORTS = _words(
     "eff effort efforts tau torque torques current currents curr cur force forces load amp amps "
     "ampere iq trq pwm"
 )
-_OTHERS = (
+_OTHERS = _words(
     "temp temperature volt volts voltage battery bat batt counter count cnt loop seq sequence index idx "
     "frame error err status flag enable enabled cpu episode id mode power energy fault humidity pressure "
     "label task done reward noise latency"
 )
-_TIMES = (
+_TIMES = _words(
     "t time times timestamp timestamps stamp clock sec secs seconds nsec nanosec millis micros tick "
     "ticks datetime date ts elapsed"
 )
-_NOUNS = (
+_NOUNS = _words(
     "joint joints states state axis axes motor motors servo servos actuator actuators act robot arm "
     "data observation action js jnt drive"
 )
-_UNITS = {
-    "deg": "deg",
-    "degs": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "°": "deg",
-    "rad": "rad",
-    "rads": "rad",
-    "radian": "rad",
-    "radians": "rad",
+_ROLES = _COMMANDS | _READINGS | _POSITIONS | _VELOCITIES | _ACCELERATIONS | _EFFORTS | _OTHERS
+_QUANTITIES = (
+    (OTHER, _OTHERS | _ACCELERATIONS),
+    (VELOCITY, _VELOCITIES),
+    (EFFORT, _EFFORTS),
+    (POSITION, _POSITIONS),
+)
+"""What is beside the point, such as a temperature, first"""
+_CALLED = {
+    "deg": "deg degs degree degrees °",
+    "rad": "rad rads radian radians",
     "mrad": "mrad",
-    "turn": "turn",
-    "turns": "turn",
-    "rev": "turn",
+    "turn": "turn turns rev",
     "mm": "mm",
     "cm": "cm",
-    "meter": "m",
-    "meters": "m",
-    "metre": "m",
-    "um": "µm",
-    "µm": "µm",
-    "nm": "N m",
-    "mnm": "mN m",
-    "ms": "ms",
-    "msec": "ms",
-    "millis": "ms",
-    "us": "µs",
-    "µs": "µs",
-    "usec": "µs",
-    "micros": "µs",
-    "ns": "ns",
-    "nsec": "ns",
-    "nanos": "ns",
-    "nanosec": "ns",
-    "sec": "s",
-    "secs": "s",
-    "seconds": "s",
+    "m": "meter meters metre",
+    "µm": "um µm",
+    "N m": "nm",
+    "mN m": "mnm",
+    "ms": "ms msec millis",
+    "µs": "us µs usec micros",
+    "ns": "ns nsec nanos nanosec",
+    "s": "sec secs seconds",
 }
+_UNITS = {word: unit for unit, several in _CALLED.items() for word in several.split()}
 """Units as names have them, anywhere in the name"""
 _LAST_UNITS = {"m": "m", "s": "s", "n": "N", "kn": "kN", "a": "A"}
 """Units of one letter, at the end only, behind another word"""
@@ -119,63 +116,53 @@ def read(name: str, stated: str = "") -> ColumnName:
     """What a column's name says, and the unit that its file states."""
     bracket = _BRACKETS.search(name)
     inside = bracket[1].strip() if bracket else ""
-    bare = name[: bracket.start()] if bracket and _unit_of(split(inside), inside) else name
+    in_brackets = _unit_of(split(inside), inside)
+    bare = name[: bracket.start()] if bracket and in_brackets else name
     words = split(bare)
-    unit = stated or _unit_of(split(inside), inside) or _unit_of(words, bare)
+    unit = stated or in_brackets or _unit_of(words, bare)
     left = tuple(w for w in words if w not in _UNITS and not w.isdecimal())
-    if unit and left and left[-1] in _LAST_UNITS and len(left) > 1:
+    if unit and len(left) > 1 and left[-1] in _LAST_UNITS:
         left = left[:-1]
-    roles = _quantity(left, unit)
+    quantity = _quantity(left, unit)
     own = tuple(w for w in left if not _is_role(w, left))
-    numbers = tuple(int(w) for w in words if w.isdecimal())
-    first = next(iter(words), "")
-    time = any(w in _TIMES.split() for w in words) and not roles
-    if first == "t" and len(left) > 1 and left[1] not in _TIMES.split():
+    time = bool(_TIMES & {*words}) and not quantity
+    if words[:1] == ("t",) and len(left) > 1 and left[1] not in _TIMES:
         time = False
-    return ColumnName(name, words, _direction(left), roles, unit, own, numbers, time)
+    return ColumnName(name, words, _direction(left), quantity, unit, own, _numbers(words), time)
 
 
 def own_words(name: str) -> tuple[str, ...]:
     """The words of a model's name without nouns that all things have, unless nothing else is left."""
     words = tuple(w for w in split(name) if not w.isdecimal())
-    return tuple(w for w in words if w not in _NOUNS.split()) or words
+    return tuple(w for w in words if w not in _NOUNS) or words
 
 
 def numbers_of(name: str) -> tuple[int, ...]:
     """The numbers in a name."""
-    return tuple(int(w) for w in split(name) if w.isdecimal())
+    return _numbers(split(name))
+
+
+def _numbers(words: tuple[str, ...]) -> tuple[int, ...]:
+    return tuple(int(w) for w in words if w.isdecimal())
 
 
 def _is_role(word: str, words: tuple[str, ...]) -> bool:
     """Whether a word says what a column is, not whose."""
-    if word == "u":
-        return words[0] == "u"
-    kinds = (_COMMANDS, _READINGS, _POSITIONS, _VELOCITIES, _ACCELERATIONS, _EFFORTS, _OTHERS)
-    return any(word in each.split() for each in (*kinds, _NOUNS))
+    return words[0] == "u" if word == "u" else word in _ROLES or word in _NOUNS
 
 
 def _direction(words: tuple[str, ...]) -> str:
-    command = any(w in _COMMANDS.split() for w in words if w != "u") or words[:1] == ("u",)
-    reading = any(w in _READINGS.split() for w in words)
-    sure = any(w in _SURE.split() for w in words)
-    if command:
-        return "" if sure else COMMAND
-    return READING if reading else ""
+    """Command or reading; nothing where words say neither, or both."""
+    if words[:1] == ("u",) or (_COMMANDS - {"u"}) & {*words}:
+        return "" if _SURE & {*words} else COMMAND
+    return READING if _READINGS & {*words} else ""
 
 
 def _quantity(words: tuple[str, ...], unit: str) -> str:
-    """The quantity of a column; what is beside the point, such as a temperature, first."""
-    kinds = (
-        (OTHER, f"{_OTHERS} {_ACCELERATIONS}"),
-        (VELOCITY, _VELOCITIES),
-        (EFFORT, _EFFORTS),
-        (POSITION, _POSITIONS),
-    )
-    for kind, several in kinds:
-        found = [w for w in words if w in several.split()]
-        if found == ["current"] and "position" in words:
-            continue
-        if found:
+    """The quantity of a column by its words, else by its unit."""
+    for kind, several in _QUANTITIES:
+        found = [w for w in words if w in several]
+        if found and not (found == ["current"] and "position" in words):
             return kind
     if unit.endswith("/s"):
         return VELOCITY
