@@ -8,7 +8,7 @@ from math import isfinite
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from msgspec import Meta, inspect
+from msgspec import Meta
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import number
@@ -105,8 +105,7 @@ class Option:
         for each in _numbers(self.value):
             if (self.whole and not isinstance(each, Integral)) or not _within(each, self.limits):
                 wanted = Annotated[(int if self.whole else float, *self.limits)]  # type: ignore
-                words = expected(inspect.type_info(wanted))
-                raise SerpentError(f"{called} is {number(each)}; give {words}.")
+                raise SerpentError(f"{called} is {number(each)}; give {expected(wanted)}.")
 
     @property
     def given(self) -> bool:

@@ -9,10 +9,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as csv
 
-from serpent_twin import stored
 from serpent_twin.errors import SerpentError
 from serpent_twin.extras import requires
 from serpent_twin.runs.files import write_whole
+from serpent_twin.tables import parquet
 
 FORMS = (".csv", ".mcap")
 _TOPIC, _SCHEMA = "/log", "serpent_twin.row"
@@ -26,7 +26,7 @@ def export(path: Path, to: Path) -> int:
         raise SerpentError(f"{to} must end in {' or '.join(FORMS)}.")
     if to.exists():
         raise SerpentError(f"{to} exists. Name another file.")
-    table = stored.read_table(path, "Name a log.")
+    table = parquet.read(path, "Name a log.")
     if "time" not in table.columns:
         raise SerpentError(f"{path} has no column 'time'. Name a log.")
     to.parent.mkdir(parents=True, exist_ok=True)

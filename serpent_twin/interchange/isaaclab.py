@@ -6,8 +6,8 @@ implicit actuators and `effort_limit` of explicit ones.
 
 import numpy as np
 
-from serpent_twin.interchange.exported import Exported, Format, Given, noted
-from serpent_twin.interchange.joints import JointDrive, beside_drives, joint_drives
+from serpent_twin.interchange.exported import Exported, Format, Given
+from serpent_twin.interchange.joints import JointDrive, configurations
 
 _HEAD = '''"""Actuators of {name} for Isaac Lab: `ArticulationCfg(actuators=ACTUATORS, ...)`."""
 
@@ -23,10 +23,7 @@ ACTUATORS = {{
 
 def _write(given: Given) -> Exported:
     """A Python module with one group an actuator."""
-    lacks, step = tuple(beside_drives(given)), float(given.model.opt.timestep)
-    groups = "".join(_group(each, each.steps_late(step)) for each in joint_drives(given))
-    head = {"name": given.name, "notes": noted(lacks), "step": step, "groups": groups}
-    return Exported(_HEAD.format(**head), lacks)
+    return configurations(given, _HEAD, _group)
 
 
 def _group(drive: JointDrive, late: int) -> str:

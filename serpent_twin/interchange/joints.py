@@ -1,13 +1,13 @@
 """List the numbers of a twin's joints and of what drives them, and what no list of such numbers expresses."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.interchange.exported import Given
+from serpent_twin.interchange.exported import Exported, Given, noted
 from serpent_twin.machines.model.drive_table import read_drives
 from serpent_twin.machines.model.springs import drives_on, single_joints
 
@@ -60,6 +60,14 @@ def joint_drives(given: Given) -> list[JointDrive]:
             "is nothing to export. Use --to mjcf or --to urdf."
         )
     return found
+
+
+def configurations(given: Given, head: str, group: Callable[[JointDrive, int], str]) -> Exported:
+    """A Python module with one configuration an actuator, made of a drive and the time steps it is late."""
+    lacks, step = tuple(beside_drives(given)), float(given.model.opt.timestep)
+    groups = "".join(group(each, each.steps_late(step)) for each in joint_drives(given))
+    said = {"name": given.name, "notes": noted(lacks), "step": step, "groups": groups}
+    return Exported(head.format(**said), lacks)
 
 
 def _drive(model: mujoco.MjModel, joint: int, actuator: int) -> JointDrive:

@@ -2,15 +2,7 @@
 
 from serpent_twin.playback.picture import draw_picture
 from serpent_twin.playback.recording import play_back
-from serpent_twin.playback.shown import ShownSession, corrected_twin, estimate, membership
+from serpent_twin.playback.shown import ShownSession
 from serpent_twin.playback.video import draw_video
 
-__all__ = [
-    "ShownSession",
-    "corrected_twin",
-    "draw_picture",
-    "draw_video",
-    "estimate",
-    "membership",
-    "play_back",
-]
+__all__ = ["ShownSession", "draw_picture", "draw_video", "play_back"]

@@ -1,6 +1,6 @@
 """Say what a picture shows of one row of a session: the pose, the markers and how far these lie off."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -49,16 +49,21 @@ def row_at(shown: ShownSession, time: float) -> int:
     return int(np.abs(clock - time).argmin())
 
 
-def already_there(out: Path, name: str, what: str) -> bool:
-    """Whether a file has the name of what would be written; any other file there is an error."""
+def already_there(out: Path, what: str, made: Callable[[Path], bool]) -> bool:
+    """Whether a file is what would be written, as `made` finds; any other file there is an error."""
     if not out.exists():
         return False
-    if out.is_file() and name.encode() in out.read_bytes():
+    if out.is_file() and made(out):
         return True
     raise SerpentError(
         f"{out} exists and is not {what} of this session, readout and twin. Give another --out, or delete "
         "the file first."
     )
+
+
+def says(name: str) -> Callable[[Path], bool]:
+    """Whether a file has a name somewhere in it."""
+    return lambda path: name.encode() in path.read_bytes()
 
 
 def _off(predicted: Array, measured: Array) -> str:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from serpent_twin.playback.moments import already_there, draw, row_at
+from serpent_twin.playback.moments import already_there, draw, row_at, says
 from serpent_twin.playback.shown import ShownSession
 
 KEY = "serpent_twin"
@@ -17,7 +17,7 @@ def draw_picture(shown: ShownSession, time: float, out: Path) -> None:
 
     row = row_at(shown, time)
     name = shown.identity("picture", row)
-    if already_there(out, name, "the picture of this moment"):
+    if already_there(out, "the picture of this moment", says(name)):
         return
     out.parent.mkdir(parents=True, exist_ok=True)
     with pencil() as drawing:  # what it lacks is said before anything is simulated

@@ -10,6 +10,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.exchange import imported_log
 from serpent_twin.extras import requires
 from serpent_twin.numerals import counted
+from serpent_twin.playback.moments import already_there
 from serpent_twin.playback.shown import ShownSession, identity
 
 
@@ -52,17 +53,13 @@ def _columns(path: Path, out: Path, more: Path | None) -> str:
 
 def _already_there(out: Path, name: str) -> bool:
     """Whether `out` is this very recording; any other file there is an error."""
-    if not out.exists():
-        return False
-    from rerun.chunk import RrdReader
 
-    try:
-        found = [entry.recording_id for entry in RrdReader(out).recordings()]
-    except Exception:  # a foreign file is never replaced
-        found = []
-    if name in found:
-        return True
-    raise SerpentError(
-        f"{out} exists and is not the recording of this session, readout and twin. "
-        "Give another --out, or delete the file first."
-    )
+    def recorded(path: Path) -> bool:
+        from rerun.chunk import RrdReader
+
+        try:
+            return name in [entry.recording_id for entry in RrdReader(path).recordings()]
+        except Exception:  # a foreign file is never replaced
+            return False
+
+    return already_there(out, "the recording", recorded)

@@ -44,14 +44,27 @@ class ShownSession:
         return cls(path, seen, readout, corrected_twin(twin, seen) if twin else None)
 
     @cached_property
+    def _estimator(self) -> estimators.Estimator | None:
+        return estimators.load(self.readout) if self.readout else None
+
+    @property
     def membership(self) -> str:
         """In which set of the readout the session is, as a sentence; empty without a readout."""
-        return membership(self.session, self.readout) if self.readout else ""
+        return told(self._estimator.trained, self.session) if self._estimator else ""
 
     @cached_property
     def guess(self) -> EstimatedMarkers | None:
         """Markers by the readout."""
-        return estimate(self.session, self.readout) if self.readout else None
+        estimator, session = self._estimator, self.session
+        if estimator is None:
+            return None
+        trained = estimator.trained
+        estimator.require_rate(session.rate_hz)
+        seen = cut([session], trained.window, drop=0).sessions[0]
+        row = np.arange(len(session) - len(seen.x), len(session))
+        belief = estimator.follow(seen)
+        require_finite(belief, trained.name, f"in {session.path or session.name}")
+        return EstimatedMarkers(trained.name, row, belief.marker, self.membership)
 
     @cached_property
     def nominal(self) -> Response:
@@ -71,23 +84,6 @@ class ShownSession:
     def identity(self, *more: object) -> str:
         """Name of what these inputs, this twin and more settings make."""
         return identity(self.path, self.readout, self.twin, *more)
-
-
-def estimate(session: sessions.Session, folder: Path) -> EstimatedMarkers:
-    """Markers that the readout saved in `folder` finds in a session."""
-    estimator = estimators.load(folder)
-    trained = estimator.trained
-    estimator.require_rate(session.rate_hz)
-    seen = cut([session], trained.window, drop=0).sessions[0]
-    row = np.arange(len(session) - len(seen.x), len(session))
-    belief = estimator.follow(seen)
-    require_finite(belief, trained.name, f"in {session.path or session.name}")
-    return EstimatedMarkers(trained.name, row, belief.marker, told(trained, session))
-
-
-def membership(session: sessions.Session, folder: Path) -> str:
-    """In which set of the readout saved in `folder` a session is, as a sentence."""
-    return told(estimators.load(folder).trained, session)
 
 
 def corrected_twin(path: Path, seen: sessions.Session) -> TwinModel:

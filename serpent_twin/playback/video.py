@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.extras import requires
-from serpent_twin.playback.moments import already_there, draw, row_at
+from serpent_twin.playback.moments import already_there, draw, row_at, says
 from serpent_twin.playback.shown import ShownSession
 from serpent_twin.reporting.offscreen import Image
 
@@ -27,7 +27,7 @@ def draw_video(shown: ShownSession, out: Path, between: tuple[float, float] | No
 
     rows = frames(shown, between)
     name = shown.identity("video", rows.tolist())
-    if already_there(out, name, "the video"):
+    if already_there(out, "the video", says(name)):
         return
     out.parent.mkdir(parents=True, exist_ok=True)
     with pencil(fine=False) as drawing, _written(imageio_ffmpeg, out, name) as film:

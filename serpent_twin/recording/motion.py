@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from serpent_twin.arm.control import TARGET_COLUMNS, checked_targets
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.stored.tables import read_table
+from serpent_twin.tables import parquet
 
 _KEY = b"serpent_twin_motion"
 ARM = "arm"
@@ -65,7 +65,7 @@ def require_form(path: Path, rig: str) -> None:
 
 def read(path: Path) -> Motion:
     """A motion's file; raises a `SerpentError` if it is damaged, not one, or not for this arm."""
-    table = read_table(path, _ADVICE)
+    table = parquet.read(path, _ADVICE)
     if _KEY not in table.metadata:
         raise SerpentError(f"{path} is no planned motion. {_ADVICE}")
     try:

@@ -2,8 +2,8 @@
 
 `memory` and `capacities` measure which functions of past inputs its states hold, `expand` which of them a
 task needs, `beyond_taps` what the body adds to its last commands. `state_rank` counts the inputs that it
-separates; `channel_consistency`, `consistency_spectrum` and `contraction_rate` measure its repeatability;
-`narma10` is the common benchmark. Arrays in, arrays out; a delay counts rows. States (T, N) and inputs
+separates; `channel_consistency`, `consistency_spectrum` and `contraction_rate` measure its repeatability.
+Arrays in, arrays out; a delay counts rows. States (T, N) and inputs
 (T, m) may be S series of runs side by side, (S, T, N) and (S, T, m): each has its own washout, no delay
 reaches from one into another, and their rows count together.
 """
@@ -14,7 +14,6 @@ from serpent_twin.reservoir.capacity import (
     LinearMemory,
     capacities,
     memory,
-    surrogate_cuts,
 )
 from serpent_twin.reservoir.consistency import (
     channel_consistency,
@@ -25,7 +24,6 @@ from serpent_twin.reservoir.consistency import (
 from serpent_twin.reservoir.expansion import Expansion, expand
 from serpent_twin.reservoir.inputs import check_inputs
 from serpent_twin.reservoir.leak import BeyondTaps, beyond_taps, taps
-from serpent_twin.reservoir.narma import narma10, nrmse, taps_only
 from serpent_twin.reservoir.rank import state_rank, streams
 from serpent_twin.reservoir.targets import Product, label, legendre
 
@@ -49,11 +47,7 @@ __all__ = [
     "label",
     "legendre",
     "memory",
-    "narma10",
-    "nrmse",
     "state_rank",
     "streams",
-    "surrogate_cuts",
     "taps",
-    "taps_only",
 ]

@@ -12,10 +12,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.reservoir.basis import COARSEST, basis, fine_cut
-from serpent_twin.reservoir.inputs import aligned, check_inputs, check_means, check_white, in_a_row
+from serpent_twin.reservoir.inputs import aligned, check_inputs, check_means, check_white
 from serpent_twin.reservoir.targets import Indices, Product, blocks, checked_delays, target_products
-
-SURROGATES, MARGIN = 200, 1.2  # Kubota, Takahashi and Nakajima 2021
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,32 +135,3 @@ def shares(
         mean = target.mean(axis=1)
         power = np.einsum("bt,bt->b", target, target) - target.shape[1] * mean**2
         yield (target @ columns) ** 2 / power[:, None], mean
-
-
-def surrogate_cuts(
-    states: Array,
-    inputs: Array,
-    degree: int,
-    delays: Sequence[int],
-    rng: np.random.Generator,
-    washout: int = 0,
-) -> dict[tuple[int, ...], float]:
-    """Chance threshold by shuffling: 1.2 times the greatest of 200 capacities for inputs out of order.
-
-    One for each pattern of degrees, such as (2, 1) for P2 P1: in shuffled inputs delays are all alike.
-    A check on `Capacities.cut`, which is stricter. Arguments as in `capacities`, whose checks of the
-    inputs are left out.
-    """
-    limits = checked_delays(degree, delays)
-    states, inputs, start = aligned(states, inputs, washout, limits)
-    span = basis(states)
-    terms = target_products(inputs.shape[-1], degree, limits).terms
-    pattern = -np.sort(-terms[..., 2], axis=1)
-    kinds, first = np.unique(pattern, axis=0, return_index=True)
-    highest = np.zeros(len(first))
-    for _ in range(SURROGATES):
-        shuffled = rng.permuted(in_a_row(inputs), axis=0).reshape(inputs.shape)
-        found = [c.sum(axis=1) for c, _ in shares(span.Q, shuffled, terms[first], start)]
-        highest = np.maximum(highest, np.concatenate(found))
-    names = (tuple(int(d) for d in kind if d) for kind in kinds)
-    return dict(zip(names, (MARGIN * highest).tolist(), strict=True))

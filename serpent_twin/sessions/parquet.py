@@ -25,6 +25,7 @@ from serpent_twin.sessions.session import (
     session_from_columns,
 )
 from serpent_twin.stored import within
+from serpent_twin.tables import DataTable, parquet
 
 KEY = b"serpent_twin"
 _ADVICE = "Copy it again from where it was recorded, or leave it out."
@@ -64,7 +65,7 @@ def read_session(path: Path | str) -> Session:
     path = Path(path)
     if path.is_dir():
         raise SerpentError(f"{path} is a folder. {_one_of(path)}")
-    table = stored.read_table(path, _ADVICE)
+    table = parquet.read(path, _ADVICE)
     raw = table.metadata.get(KEY)
     if raw is None:
         raise SerpentError(f"{path} has no metadata under the key serpent_twin: no session log.")
@@ -162,7 +163,7 @@ def _one_of(folder: Path) -> str:
     )
 
 
-def _check_columns(path: Path, table: stored.ParquetTable) -> None:
+def _check_columns(path: Path, table: DataTable) -> None:
     lacking = [c for c in COLUMNS if c not in table.columns]
     if lacking:
         raise SerpentError(

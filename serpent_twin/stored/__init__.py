@@ -26,8 +26,7 @@ from serpent_twin.stored.form import (
 )
 from serpent_twin.stored.source import MOST, contents, require_file
 from serpent_twin.stored.syntax import parsed_json, parsed_toml
-from serpent_twin.stored.tables import ParquetTable, read_columns, read_table
-from serpent_twin.stored.words import found, names
+from serpent_twin.stored.words import names
 
 T = TypeVar("T")
 __all__ = [
@@ -36,21 +35,17 @@ __all__ = [
     "Form",
     "Numbers",
     "OpenForm",
-    "ParquetTable",
     "above",
     "bounded",
     "contents",
-    "found",
     "json_in",
     "many",
     "names",
     "naming",
     "parse_json",
     "read_arrays",
-    "read_columns",
     "read_json",
     "read_json_lines",
-    "read_table",
     "read_toml",
     "require_arrays",
     "require_fields",
@@ -62,9 +57,9 @@ __all__ = [
 ]
 
 
-def read_json(path: Path, form: type[T] = dict[str, Any], advice: str = "", most: int = MOST) -> T:
-    """What a JSON file of at most so many bytes holds; `advice` says what to do if it is not of the form."""
-    return parse_json(contents(path, most, advice), form, str(path), advice)
+def read_json(path: Path, form: type[T] = dict[str, Any], advice: str = "") -> T:
+    """What a JSON file holds; `advice` says what to do if it is not of the form."""
+    return parse_json(contents(path, MOST, advice), form, str(path), advice)
 
 
 def parse_json(raw: bytes, form: type[T], where: str, advice: str = "") -> T:
@@ -72,21 +67,18 @@ def parse_json(raw: bytes, form: type[T], where: str, advice: str = "") -> T:
     return take(parsed_json(raw, where, advice), form, where, advice)
 
 
-def read_json_lines(path: Path, form: type[T] = dict[str, Any], advice: str = "") -> list[T]:
+def read_json_lines(path: Path) -> list[dict[str, Any]]:
     """What each line of a file holds, which is JSON; empty lines hold nothing."""
-    lines = contents(path, MOST, advice).split(b"\n")
+    lines = enumerate(contents(path).split(b"\n"), 1)
     return [
-        parse_json(line, form, f"{path}, line {number}", advice)
-        for number, line in enumerate(lines, 1)
-        if line.strip()
+        parse_json(line, dict[str, Any], f"{path}, line {n}") for n, line in lines if line.strip()
     ]
 
 
-def read_toml(path: Path, form: type[T] = dict[str, Any], advice: str = "", most: int = MOST) -> T:
-    """What a TOML file of at most so many bytes holds."""
-    return take(
-        parsed_toml(contents(path, most, advice), str(path), advice), form, str(path), advice
-    )
+def read_toml(path: Path, form: type[T] = dict[str, Any], advice: str = "") -> T:
+    """What a TOML file holds."""
+    value = parsed_toml(contents(path, MOST, advice), str(path), advice)
+    return take(value, form, str(path), advice)
 
 
 def json_in(arrays: Arrays, name: str, form: type[T], where: str, advice: str = "") -> T:

@@ -1,22 +1,20 @@
 """Parse a value of a form, a type with bounds, or name the key that is wrong."""
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache
-from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
+from types import UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
-from msgspec import inspect
+from msgspec import Meta
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored.words import Steps, expected, found, key_path, names
 
 T = TypeVar("T")
-_OBJECTS = inspect.StructType | inspect.DataclassType
-_LISTS = inspect.ListType | inspect.VarTupleType
 
 
 class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -27,19 +25,19 @@ class OpenForm(Form, frozen=True, forbid_unknown_fields=False):
     """The same where further keys may be there, which nobody looks at."""
 
 
-def within(low: float, high: float, unit: str = "") -> msgspec.Meta:
+def within(low: float, high: float, unit: str = "") -> Meta:
     """Bounds of a number, in a unit."""
-    return msgspec.Meta(ge=low, le=high, title=unit)
+    return Meta(ge=low, le=high, title=unit)
 
 
-def above(low: float, high: float, unit: str = "") -> msgspec.Meta:
+def above(low: float, high: float, unit: str = "") -> Meta:
     """The same without the lower bound itself."""
-    return msgspec.Meta(gt=low, le=high, title=unit)
+    return Meta(gt=low, le=high, title=unit)
 
 
-def many(least: int, most: int | None = None) -> msgspec.Meta:
+def many(least: int, most: int | None = None) -> Meta:
     """So many items in a list, or at least so many and at most so many."""
-    return msgspec.Meta(min_length=least, max_length=least if most is None else most)
+    return Meta(min_length=least, max_length=least if most is None else most)
 
 
 def take(value: Any, form: type[T], where: str, advice: str = "", at: Steps = ()) -> T:
@@ -47,14 +45,11 @@ def take(value: Any, form: type[T], where: str, advice: str = "", at: Steps = ()
     there under which it lies.
     """
     try:
-        problem = next(_keys_amiss(_node(form), value, at), "")
-        if not problem:
-            return msgspec.convert(value, form, strict=True)
-    except msgspec.ValidationError as error:
-        problem = _problem(value, form, str(error), key_path(at))
+        if not (problem := _problem(form, value, at)):
+            return msgspec.convert(value, form)
     except SerpentError as error:
         problem = str(error)
-    raise SerpentError(f"{where + ': ' * bool(where)}{problem} {advice}".rstrip()) from None
+    raise SerpentError(f"{where + ': ' * bool(where)}{problem} {advice}".rstrip())
 
 
 @contextmanager
@@ -70,10 +65,8 @@ def naming(where: str) -> Iterator[None]:
 
 def require_kind(values: Mapping[str, Any], kind: str, where: str, advice: str = "") -> None:
     """Refuse a file that states another kind, before its other keys are checked."""
-    if (told := values.get("kind", kind)) != kind:
-        raise SerpentError(
-            f'{where}: kind is {found(told)}; it must be "{kind}". {advice}'.rstrip()
-        )
+    form: Any = Literal[kind]
+    take(values.get("kind", kind), form, where, advice, ("kind",))
 
 
 def require_fields(instance: Any, what: str) -> None:
@@ -81,10 +74,8 @@ def require_fields(instance: Any, what: str) -> None:
     for name, kind in bounded(type(instance)).items():
         value = getattr(instance, name)
         value = value.item() if hasattr(value, "item") else value  # numpy's numbers
-        try:
-            msgspec.convert(value, kind, strict=True)
-        except msgspec.ValidationError as error:
-            raise SerpentError(f"{what} {_problem(value, kind, str(error), name)}") from None
+        if problem := _problem(kind, value, (name,)):
+            raise SerpentError(f"{what} {problem}")
 
 
 @cache
@@ -94,155 +85,122 @@ def bounded(kind: type) -> dict[str, Any]:
     return {f.name: kinds[f.name] for f in fields(kind) if get_origin(kinds[f.name]) is Annotated}
 
 
-@cache
-def _node(form: Any) -> Any:
-    return inspect.type_info(form)
-
-
-def _keys_amiss(node: Any, value: Any, steps: Steps) -> Iterator[str]:
-    """What is wrong with the keys of objects, from the top down."""
-    node = _alternative(node, value)
-    if (tag := _tag_field(node)) and isinstance(value, dict):
-        yield from _lacking([tag], value, steps)
-    if isinstance(node, _OBJECTS) and isinstance(value, dict):
-        known = {each.encode_name: each for each in node.fields}
-        whole = isinstance(node, inspect.DataclassType)
-        needed = [name for name, each in known.items() if whole or each.required]
-        tag = [node.tag_field] if isinstance(node, inspect.StructType) and node.tag_field else []
-        further = isinstance(node, inspect.StructType) and not node.forbid_unknown_fields
-        yield from _lacking([*tag, *needed], value, steps)
-        yield from () if further else _strange([*tag, *known], value, steps)
-        for name, each in known.items():
-            if name in value:
-                yield from _keys_amiss(each.type, value[name], (*steps, name))
-    elif isinstance(node, inspect.DictType) and isinstance(value, dict):
-        for key, each in value.items():
-            yield from _keys_amiss(node.value_type, each, (*steps, key))
-    elif isinstance(node, _LISTS) and isinstance(value, list) and _holds_keys(node.item_type):
-        for n, each in enumerate(value):
-            yield from _keys_amiss(node.item_type, each, (*steps, n))
-
-
-def _lacking(needed: Sequence[str], value: Mapping[str, Any], steps: Steps) -> Iterator[str]:
-    if lacking := [name for name in needed if name not in value]:
-        yield f"{key_path(steps) or 'it'} lacks {names(lacking)}."
-
-
-def _strange(known: Sequence[str], value: Mapping[str, Any], steps: Steps) -> Iterator[str]:
-    if strange := [key for key in value if key not in known]:
-        where = key_path(steps) or "it"
-        near = get_close_matches(strange[0], known, 1)
-        meant = f"did you mean {near[0]}? Known" if near else "known"
-        yield f"{where} has {names(strange)}, which is unknown there; {meant} are {names(known, 40)}."
-
-
-def _holds_keys(node: Any) -> bool:
-    numbers = (inspect.FloatType, inspect.IntType, inspect.StrType, inspect.BoolType)
-    return not isinstance(_plain(node), numbers)
-
-
-def _plain(node: Any) -> Any:
-    return node.type if isinstance(node, inspect.Metadata) else node
-
-
-def _alternative(node: Any, value: Any) -> Any:
-    """The node itself, or that of a union which a value of this kind belongs to."""
-    node = _plain(node)
-    if not isinstance(node, inspect.UnionType):
-        return node
-    kinds = {dict: (*_OBJECTS.__args__, inspect.DictType), list: _LISTS.__args__}
-    fitting = [_plain(n) for n in node.types if isinstance(_plain(n), kinds.get(type(value), ()))]
-    tagged = [n for n in fitting if getattr(n, "tag_field", None)]
-    fitting = [n for n in tagged if value.get(n.tag_field) == n.tag] if tagged else fitting
-    return fitting[0] if fitting else node
-
-
-def _tag_field(node: Any) -> str:
-    """The key that distinguishes the alternatives of a union, if it has one."""
-    types = node.types if isinstance(node, inspect.UnionType) else ()
-    return next((tag for n in types if (tag := getattr(n, "tag_field", None))), "")
-
-
-def _problem(value: Any, form: Any, message: str, name: str = "") -> str:
-    """What msgspec refuses, in words: it says where, the value there and its type say the rest."""
-    steps = _steps(value, form, message)
-    node, at = _node(form), value
-    for step in steps:
-        node, at = _inside(node, at, step), _at(at, step)
-    inner = key_path(steps)
-    where = name + (f".{inner}" if name and inner and inner[0] != "[" else inner)
-    return f"{where or 'it'} is {found(at)}; it must be {_wanted(node)}.{_newer(node, at, steps)}"
-
-
-def _newer(node: Any, value: Any, steps: Steps) -> str:
-    """What to do about the version of a file that is above those that can be read."""
-    node = _plain(node)
-    if not steps or not str(steps[-1]).endswith("_version"):
+def _problem(form: Any, value: Any, at: Steps) -> str:
+    """What is wrong with a value: its keys, or its first part that msgspec refuses; nothing if it fits."""
+    refusal = _refusal(form, value)
+    if not refusal and not _has_keys(form):
         return ""
-    if not isinstance(node, inspect.LiteralType) or type(value) is not int:
+    one = _alternative(form, value)
+    if isinstance(value, dict) and (problem := _keys_problem(one, value)):
+        return f"{key_path(at) or 'it'} {problem}"
+    inside = not refusal or " - at `" in refusal
+    for step, kind, part in _parts(one, value) if inside else ():
+        if problem := _problem(kind, part, (*at, step)):
+            return problem
+    if not refusal:
         return ""
-    newer = value > max(known for known in node.values if isinstance(known, int))
-    return " A newer version of serpent-twin wrote it: update this one." if newer else ""
+    newer = _newer(one, value, at)
+    return f"{key_path(at) or 'it'} is {found(value)}; it must be {expected(form)}.{newer}"
 
 
-def _wanted(node: Any) -> str:
-    return f"one of {names(node, 40)}" if isinstance(node, list) else expected(node)
-
-
-def _inside(node: Any, value: Any, step: str | int) -> Any:
-    """The node of a part; a list of names where the part tells alternatives apart."""
-    alternatives = _plain(node)
-    if isinstance(alternatives, inspect.UnionType):
-        tags = [n.tag for n in alternatives.types if getattr(n, "tag_field", None) == step]
-        if tags:
-            return sorted(tags)
-    node = _alternative(node, value)
-    if isinstance(node, _OBJECTS):
-        return next((each.type for each in node.fields if each.encode_name == step), node)
-    if isinstance(node, inspect.DictType):
-        return node.value_type
-    if isinstance(node, inspect.TupleType) and isinstance(step, int):
-        return node.item_types[step]
-    return node.item_type if isinstance(node, _LISTS) else node
-
-
-def _at(value: Any, step: str | int) -> Any:
+def _refusal(form: Any, value: Any) -> str:
+    """What msgspec says of a value that does not fit, with where it is unless it is the value itself."""
     try:
-        return value[step]
-    except (KeyError, IndexError, TypeError):
-        return None
+        msgspec.convert(value, form)
+    except msgspec.ValidationError as error:
+        return str(error)
+    return ""
 
 
-def _steps(value: Any, form: Any, message: str) -> Steps:
-    """The path that a message of msgspec ends with, such as `$.effects[0].mass` or `$.first[...][1]`."""
-    path = re.search(r" - at `(?:key` in `)?\$(.*)`$", message)
-    steps: Steps = ()
-    for name, index in re.findall(r"\.([^.\[]+)|\[(\d+|\.\.\.)\]", path[1] if path else ""):
-        if index == "...":
-            steps = (*steps, _key_that_fails(value, form, steps, message))
-        else:
-            steps = (*steps, name or int(index))
-    return steps
+@cache
+def _has_keys(form: Any) -> bool:
+    """Whether objects whose keys are known are anywhere in a form."""
+    return _is_object(form) or any(map(_has_keys, get_args(form)))
 
 
-def _key_that_fails(value: Any, form: Any, steps: Steps, message: str) -> str:
-    """Which key of an object alone brings the same message: msgspec does not say."""
-    inside = value
-    for step in steps:
-        inside = _at(inside, step)
-    for key, part in (inside if isinstance(inside, dict) else {}).items():
-        try:
-            msgspec.convert(_with(value, steps, {key: part}), form, strict=True)
-        except msgspec.ValidationError as error:
-            if str(error) == message:
-                return key
-    return "?"
+def _is_object(form: Any) -> bool:
+    return isinstance(form, type) and (issubclass(form, msgspec.Struct) or is_dataclass(form))
 
 
-def _with(value: Any, steps: Steps, part: Any) -> Any:
-    """The value with one part replaced."""
-    if not steps:
-        return part
-    here: Any = dict(value) if isinstance(value, dict) else list(value)
-    here[steps[0]] = _with(value[steps[0]], steps[1:], part)
-    return here
+def _alternative(form: Any, value: Any) -> Any:
+    """The form without its bounds; of several, the one that a value of this kind belongs to."""
+    if get_origin(form) is Annotated:
+        return _alternative(get_args(form)[0], value)
+    if get_origin(form) not in (Union, UnionType):
+        return form
+    several = [_alternative(each, value) for each in get_args(form)]
+    if isinstance(value, dict):
+        several = [each for each in several if _is_object(each) or get_origin(each) is dict]
+        several = [each for each in several if not _tag(each)[0] or _tag(each) in value.items()]
+    else:
+        several = [each for each in several if get_origin(each) in (list, tuple)]
+    return several[0] if several else form
+
+
+def _tag(form: Any) -> tuple[str, Any]:
+    """The key and the value that distinguish a form from its alternatives, if they are distinguished."""
+    config = getattr(form, "__struct_config__", None)
+    return (config.tag_field, config.tag) if config and config.tag_field else ("", None)
+
+
+@cache
+def _known(form: Any) -> tuple[dict[str, Any], tuple[str, ...], bool]:
+    """The types of an object's fields by key, the keys that must be there, and whether there may be others.
+
+    A dataclass is stored whole.
+    """
+    if is_dataclass(form):
+        hints = get_type_hints(form, include_extras=True)
+        own = {each.name: hints[each.name] for each in fields(form)}
+        return own, tuple(own), False
+    known = msgspec.structs.fields(form)
+    key, value = _tag(form)
+    own = {key: Literal[value]} if key else {}
+    needed = (*own, *(each.encode_name for each in known if each.required))
+    own |= {each.encode_name: each.type for each in known}
+    return own, needed, not form.__struct_config__.forbid_unknown_fields
+
+
+def _keys_problem(form: Any, value: Mapping[str, Any]) -> str:
+    """Which keys of a table are missing, or unknown."""
+    if not _is_object(form):
+        tags = [_tag(each) for each in get_args(form) if _tag(each)[0]]
+        if not tags or tags[0][0] in value:
+            return ""
+        return f"lacks {tags[0][0]}."
+    known, needed, further = _known(form)
+    if lacking := [name for name in needed if name not in value]:
+        return f"lacks {names(lacking)}."
+    strange = [key for key in value if key not in known]
+    if not strange or further:
+        return ""
+    near = get_close_matches(strange[0], known, 1)
+    meant = f"did you mean {near[0]}? Known" if near else "known"
+    there = names(list(known), 40)
+    return f"has {names(strange)}, which is unknown there; {meant} are {there}."
+
+
+def _parts(form: Any, value: Any) -> Iterator[tuple[str | int, Any, Any]]:
+    """The parts of a value: the key or index of each, its form and itself."""
+    kinds = get_args(form)
+    if isinstance(value, dict) and _is_object(form):
+        known, _, _ = _known(form)
+        yield from ((key, known[key], value[key]) for key in known if key in value)
+    elif isinstance(value, dict) and get_origin(form) is dict:
+        yield from ((key, kinds[1], each) for key, each in value.items())
+    elif isinstance(value, dict) and (tags := [_tag(each) for each in kinds if _tag(each)[0]]):
+        key, choices = tags[0][0], tuple(sorted(tag for _, tag in tags))
+        yield key, Literal[choices], value[key]
+    elif isinstance(value, list | tuple) and get_origin(form) in (list, tuple):
+        one = len(kinds) == 1 or kinds[-1] is ...
+        several = [kinds[0]] * len(value) if one else kinds
+        yield from ((n, *pair) for n, pair in enumerate(zip(several, value, strict=False)))
+
+
+def _newer(form: Any, value: Any, at: Steps) -> str:
+    """What to do about the version of a file that is above those that can be read."""
+    versions = [each for each in get_args(form) if isinstance(each, int)]
+    if not at or not str(at[-1]).endswith("_version") or type(value) is not int or not versions:
+        return ""
+    newer = value > max(versions)
+    return " A newer version of serpent-twin wrote it: update this one." if newer else ""

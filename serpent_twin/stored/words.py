@@ -9,16 +9,23 @@ from msgspec import inspect
 from serpent_twin.numerals import counted
 
 Steps = tuple[str | int, ...]
-"""Keys and indices from a file's top to a value."""
+"""Keys and indices from a file's top to a value"""
 _LONGEST = 48
+_CHOICES = 8
+"""Values that are listed with quotes"""
 _TABLE = "a table of keys"
+_PLAIN = {
+    inspect.FloatType: "a number",
+    inspect.IntType: "a whole number",
+    inspect.StrType: "a text",
+    inspect.BoolType: "true or false",
+    inspect.NoneType: "null",
+}
 
 
 def key_path(steps: Steps) -> str:
     """A value's place, such as `parameters.joint_damping` or `effects[0].name`."""
-    text = ""
-    for step in steps:
-        text += f"[{step}]" if isinstance(step, int) else f".{_key(step)}"
+    text = "".join(f"[{each}]" if isinstance(each, int) else f".{_key(each)}" for each in steps)
     return text.removeprefix(".")
 
 
@@ -28,19 +35,20 @@ def names(keys: Sequence[str], most: int = 8) -> str:
     return ", ".join(map(_key, keys[:most])) + more
 
 
+def _key(key: str) -> str:
+    plain = key.replace("-", "_").replace(" ", "_").isidentifier()
+    return short(key if plain else json.dumps(key))
+
+
 def found(value: Any) -> str:
     """A value as a reader knows it from the file, shortened."""
     match value:
-        case None:
-            return "null"
-        case bool():
-            return "true" if value else "false"
+        case None | bool() | float():
+            return json.dumps(value)
         case str():
             return f"the text {short(json.dumps(value, ensure_ascii=False))}"
         case int():
             return short(str(value)) if abs(value) < 10**30 else "a number of more than 30 digits"
-        case float():
-            return json.dumps(value)
         case list() | tuple():
             return f"a list of {counted(len(value), 'value')}" if value else "an empty list"
         case Mapping():
@@ -55,63 +63,52 @@ def short(text: str) -> str:
     return f"{text[: _LONGEST // 2]}… ({counted(len(text), 'character')})"
 
 
-def expected(node: Any) -> str:
-    """What a type asks for, from `msgspec.inspect`."""
-    unit = ""
+def expected(form: Any) -> str:
+    """What a form asks for."""
+    return _expected(inspect.type_info(form))
+
+
+def _expected(node: Any) -> str:
     if isinstance(node, inspect.Metadata):
-        unit = f" {(node.extra_json_schema or {}).get('title', '')}".rstrip()
-        node = node.type
+        unit = (node.extra_json_schema or {}).get("title", "")
+        return f"{_expected(node.type)} {unit}".rstrip()
     match node:
         case inspect.FloatType() | inspect.IntType():
-            return f"a {_number(node)}{_range(node)}{unit}"
+            return _PLAIN[type(node)] + _range(node)
         case inspect.StrType():
-            return ("a text that is not empty" if node.min_length else "a text") + (
-                f" of at most {node.max_length} characters" if node.max_length else ""
-            )
-        case inspect.BoolType():
-            return "true or false"
-        case inspect.NoneType():
-            return "null"
+            filled = " that is not empty" if node.min_length else ""
+            size = f" of at most {node.max_length} characters" if node.max_length else ""
+            return f"a text{filled}{size}"
         case inspect.LiteralType():
+            if len(node.values) > _CHOICES:
+                return f"one of {names(list(map(str, node.values)), 40)}"
             return " or ".join(json.dumps(each, ensure_ascii=False) for each in node.values)
         case inspect.UnionType():
-            return _alternatives(node)
+            return " or ".join(dict.fromkeys(map(_expected, node.types)))
         case inspect.TupleType():
             return f"a list of {len(node.item_types)} {_plural(node.item_types[0])}"
         case inspect.VarTupleType() | inspect.ListType():
-            return _list(node)
-    return _TABLE
+            return f"a list of {_size(node)}{_plural(node.item_type)}"
+    return _PLAIN.get(type(node), _TABLE)
 
 
-def _alternatives(node: inspect.UnionType) -> str:
-    said = [expected(each) for each in node.types if not isinstance(each, inspect.StructType)]
-    if len(said) < len(node.types):
-        said.append(_TABLE)
-    return " or ".join(said)
-
-
-def _list(node: Any) -> str:
-    low, high, items = node.min_length, node.max_length, _plural(node.item_type)
+def _size(node: Any) -> str:
+    """How many items a list must have."""
+    low, high = node.min_length, node.max_length
     if low is not None and low == high:
-        return f"a list of {low} {items if low > 1 else items.replace('numbers', 'number')}"
+        return f"{low} "
     size = [f"at least {low}"] if low else []
     size += [f"at most {high}"] if high is not None else []
-    return f"a list of {' and '.join(size)} {items}".replace("  ", " ")
+    return " and ".join(size) + " " * bool(size)
 
 
 def _plural(node: Any) -> str:
     """What all items of a list are, such as `numbers from 0 to 1`."""
-    article, _, rest = expected(node).partition(" ")
-    if article != "a":
-        return "items"
-    for one in ("number", "text", "list", "table"):
+    article, _, rest = _expected(node).partition(" ")
+    for one in ("list", "table", "text", "number") if article == "a" else ():
         if one in rest:
             return rest.replace(one, f"{one}s", 1)
-    return rest
-
-
-def _number(node: Any) -> str:
-    return "whole number" if isinstance(node, inspect.IntType) else "number"
+    return "items"
 
 
 def _range(node: Any) -> str:
@@ -126,8 +123,3 @@ def _range(node: Any) -> str:
 
 def _bound(value: float) -> str:
     return f"{value:,}" if isinstance(value, int) else f"{value:g}"
-
-
-def _key(key: str) -> str:
-    plain = key.isidentifier() or key.replace("-", "_").replace(" ", "_").isidentifier()
-    return short(key if plain else json.dumps(key))

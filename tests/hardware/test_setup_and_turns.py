@@ -62,10 +62,10 @@ def test_a_setup_survives_its_file(tmp_path):
         ("port = 5", "port is 5; it must be a text"),
         ("zero = [1.5, 0, 0, 0, 0, 0, 0, 0, 0, 0]", r"zero\[0\] is 1.5; it must be a whole number"),
         ("zero = [1, 2]", "zero has 2 values"),
-        ("baud = 1\nbaud = 2", "the key baud is given twice"),
-        ("baud = " + "9" * 300, "baud is a number that is too long"),
+        ("baud = 1\nbaud = 2", r"Cannot overwrite a value .*: 'baud = 2'"),
+        ("baud = " + "9" * 300, "baud is a number of more than 30 digits"),
         ("baud = " + "9" * 10_000, "thousands of digits"),
-        ("ids = " + "[" * 100_000, "nested deeper than 32 levels"),
+        ("ids = " + "[" * 100_000, "nested deeper"),
     ],
 )
 def test_a_setup_that_cannot_be_is_refused_with_file_and_key(text, says, tmp_path):

@@ -8,7 +8,7 @@ import posed_models
 import pytest
 import swung_models
 
-from serpent_twin import stored
+from serpent_twin import tables
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
@@ -40,7 +40,7 @@ def with_tip(folder):
     tip = '<site name="tip" pos="0 0 -0.25"/></body>'
     model.write_text(model.read_text().replace("</body>", tip))
     path.write_text(SITE)
-    table = stored.read_columns(log)
+    table = tables.read(log).columns
     angle = table["angle"]
     places = np.c_[-250 * np.sin(angle), 0 * angle, 1000 - 250 * np.cos(angle)]
     rows = np.c_[table["t_ms"], table["goal_deg"], places]
@@ -53,7 +53,7 @@ def test_every_kind_of_motion_keeps_what_the_log_used_and_begins_and_ends_at_res
     path, log = lever(tmp_path)
     found = proposals(path, log, 2 * len(OF_MOTION), swung_models.RATE)
     assert found.kinds == tuple(OF_MOTION) * 2
-    used = stored.read_columns(log)["goal_deg"]
+    used = tables.read(log).columns["goal_deg"]
     steps = np.abs(np.diff(used))
     assert found.targets.shape == (14, 200, 1) and [c.name for c in found.columns] == ["goal_deg"]
     assert found.targets.min() >= used.min() - 1e-9 and found.targets.max() <= used.max() + 1e-9

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import swung_models
 
-from serpent_twin import stored
+from serpent_twin import tables
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines import find, made_of
@@ -18,7 +18,7 @@ DELAY, LAG = "command_delay", "servo_lag"
 
 def goals_of(path):
     """The goals in a log of the lever [rad], (T,)."""
-    return -np.radians(stored.read_columns(path)["goal_deg"])
+    return -np.radians(tables.read(path).columns["goal_deg"])
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_slow_motions_leave_open_what_the_planned_motion_names(lever):
 
     report = (lever / "motion" / "report.md").read_text()
     assert "| goal_deg | deg | -28.6" in report and "ends at goal_deg = 0 deg" in report
-    time = stored.read_columns(lever / "motion.csv")["t_ms"]
+    time = tables.read(lever / "motion.csv").columns["t_ms"]
     np.testing.assert_allclose(np.diff(time), 1e3 / swung_models.RATE)
 
     for n in range(2):

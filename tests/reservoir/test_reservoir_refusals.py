@@ -12,7 +12,6 @@ from serpent_twin.reservoir import (
     contraction_rate,
     expand,
     memory,
-    narma10,
     state_rank,
     taps,
 )
@@ -94,9 +93,5 @@ def test_what_cannot_be_searched_is_said():
         channel_consistency(u)
     with pytest.raises(SerpentError, match="20 streams for 10 channels are too few"):
         state_rank(u[:20], 0.01)
-    with pytest.raises(SerpentError, match=r"definition's in \[0, 0.5\]"):
-        narma10(u[:, 0])
-    with pytest.raises(SerpentError, match="NARMA10 ran away at row 9199"):
-        narma10(np.random.default_rng(4).uniform(0, 0.5, 20_000))
     with pytest.raises(SerpentError, match="above 10 for 0 rows"):
         contraction_rate(np.ones(100), 0.02, 10)

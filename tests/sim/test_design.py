@@ -203,7 +203,7 @@ def test_the_earliest_files_are_read_as_what_they_said(tmp_path):
 def test_a_key_that_is_given_twice_is_refused(tmp_path):
     text = json.dumps(stored()).replace('"gear_friction": 0.0269', '"servo_lag": 0.1')
     (tmp_path / "twin.json").write_text(text)
-    with pytest.raises(SerpentError, match="parameters has servo_lag twice"):
+    with pytest.raises(SerpentError, match="has servo_lag twice in parameters"):
         twin_model.read(tmp_path / "twin.json")
 
 

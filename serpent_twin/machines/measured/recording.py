@@ -15,6 +15,7 @@ from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
+from serpent_twin.tables import parquet
 
 KEY = b"measured"
 FEWEST = 50
@@ -55,7 +56,7 @@ class Recording:
 
 def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]) -> Recording:
     """Read one run that must have these columns, and metadata of this form, or raise a `SerpentError`."""
-    table = stored.read_table(path, "Copy it again.")
+    table = parquet.read(path, "Copy it again.")
     raw = table.metadata.get(KEY)
     if raw is None:
         raise SerpentError(
