@@ -86,7 +86,6 @@ def main(config: FaultMatrix) -> None:  # noqa: D103 tyro would print it above t
     if config.out.exists() and any(config.out.iterdir()):
         raise SerpentError(f"{config.out} is not empty. Nothing was changed: choose another --out.")
     config.out.mkdir(parents=True, exist_ok=True)
-    print(_HEAD)
     table = {}
     for name in tqdm(config.faults, unit="fault", leave=False):
         table[name] = run_fault(config, name)
@@ -274,18 +273,13 @@ def verdict(table: dict[str, dict]) -> str:
     return sentence
 
 
-_HEAD = (
-    f"{'fault':22} {'rows':>5} {'lost':>5} {'wrong':>6} {'stale':>6} {'interrupted':>12} "
-    f"{'recoveries':>11} {'stop, s':>8}  struck"
-)
-
-
 def _line(name: str, row: dict) -> str:
+    """What is printed of a fault once it was run."""
+    said = f"\n    {row['said']}" if row["said"] else ""
     return (
-        f"{name:22} {row['rows']:5d} {row['rows_lost']:5d} {row['rows_wrong']:6d} "
-        f"{row['rows_stale']:6d} {row['rows_interrupted']:12d} {row['recoveries']:11d} "
-        f"{row['stop_s']:8.2f}  {sum(row['struck'].values())}"
-        + (f"\n    {row['said']}" if row["said"] else "")
+        f"{name:22} {row['rows']} rows, {row['rows_lost']} lost, {row['rows_wrong']} wrong, "
+        f"{row['rows_stale']} stale, {row['rows_interrupted']} interrupted, {row['recoveries']} recoveries, "
+        f"rest after {row['stop_s']:.2f} s, struck {sum(row['struck'].values())} times{said}"
     )
 
 

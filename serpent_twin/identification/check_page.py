@@ -1,6 +1,7 @@
 """Write what logs can tell as a report, and its tables."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -41,73 +42,65 @@ def effects_section(found: Identifiability) -> Section:
 
 def effects(found: Identifiability) -> Table:
     """Every candidate with its detection limit."""
-    rows = tuple(
-        (
-            spaced(each.name),
-            _short(each.limit),
-            _short(each.typical),
-            "" if each.unit == "1" else each.unit,
-            each.beside,
-            f"{100 * each.taken_up:.0f}",
-            "yes" if each.told else "no",
-            each.why or listed(spaced(name) for name in each.confounded_with),
-        )
-        for each in found.effects
-    )
-    header = (
-        "effect", "least strength", "typical", "unit", "with a", "taken up [%]", "can be told",
-        "confounded with",
-    )  # fmt: skip
-    marked = frozenset(n for n, each in enumerate(found.effects) if not each.told)
+    columns = {
+        "effect": lambda each: spaced(each.name),
+        "least strength": lambda each: _short(each.limit),
+        "typical": lambda each: _short(each.typical),
+        "unit": _unit,
+        "with a": lambda each: each.beside,
+        "taken up [%]": lambda each: f"{100 * each.taken_up:.0f}",
+        "can be told": lambda each: "yes" if each.told else "no",
+        "confounded with": lambda each: each.why or listed(map(spaced, each.confounded_with)),
+    }
     note = "Least strength: none where these logs show the effect at no strength."
-    return Table(header, rows, note, marked)
+    return Table.of(found.effects, columns, note, lambda each: not each.told)
 
 
 def parameters(found: Identifiability) -> Table:
     """The declared parameters of which the logs tell least, relative to the prior."""
-    order = sorted(found.parameters, key=lambda each: -each.ratio)[:MOST_ROWS]
-    rows = tuple(
-        (
-            each.name,
-            _short(each.prior),
-            _short(each.posterior),
-            "" if each.unit == "1" else each.unit,
-            f"{each.ratio:.2f}",
-            f"{each.variance_inflation:.1f}",
+    least = sorted(found.parameters, key=lambda each: -each.ratio)[:MOST_ROWS]
+    columns = {
+        "parameter": lambda each: each.name,
+        "prior": lambda each: _short(each.prior),
+        "with logs": lambda each: _short(each.posterior),
+        "unit": _unit,
+        "ratio": lambda each: f"{each.ratio:.2f}",
+        "variance inflation": lambda each: f"{each.variance_inflation:.1f}",
+        "most confounded with": lambda each: (
             f"{each.confounded_with} ({each.correlation:+.2f})".replace("-", "−")
             if each.confounded_with
-            else "nothing",
-        )
-        for each in order
-    )
-    header = (
-        "parameter", "prior", "with logs", "unit", "ratio", "variance inflation", "most confounded with",
-    )  # fmt: skip
+            else "nothing"
+        ),
+    }
     note = (
-        f"The {len(rows)} of {counted(len(found.parameters), 'parameter')} of which the logs tell least. "
+        f"The {len(least)} of {counted(len(found.parameters), 'parameter')} of which the logs tell least. "
         "Standard deviations; the variance inflation is the variance over that with all other parameters "
         "known; in brackets, the correlation."
     )
-    return Table(header, rows, note)
+    return Table.of(least, columns, note)
+
+
+def _unit(each: Any) -> str:
+    return "" if each.unit == "1" else each.unit
 
 
 def inputs(found: Identifiability) -> Table:
     """How far and how fast every motor and joint moves."""
     note = "Motors as logged, joints as the twin has them. The speed is a root mean square."
-    if any(each.measure != ANGLE for each in found.inputs):
-        rows = tuple(
-            (each.name, f"{scale * each.range:.3g}", f"{scale * each.speed:.3g}", each.measure.unit,
-             "no" if each.still else "yes")
-            for each in found.inputs
-            for scale in (each.measure.scale,)
-        )  # fmt: skip
-        return Table(("motor or joint", "range", "speed [1/s]", "unit", "moves"), rows, note)
-    rows = tuple(
-        (each.name, f"{np.degrees(each.range):.1f}", f"{np.degrees(each.speed):.1f}",
-         "no" if each.still else "yes")
-        for each in found.inputs
-    )  # fmt: skip
-    return Table(("motor or joint", "range [°]", "speed [°/s]", "moves"), rows, note)
+    moves = {"moves": lambda each: "no" if each.still else "yes"}
+    name = {"motor or joint": lambda each: each.name}
+    if all(each.measure == ANGLE for each in found.inputs):
+        angles = {
+            "range [°]": lambda each: f"{np.degrees(each.range):.1f}",
+            "speed [°/s]": lambda each: f"{np.degrees(each.speed):.1f}",
+        }
+        return Table.of(found.inputs, name | angles | moves, note)
+    others = {
+        "range": lambda each: f"{each.measure.scale * each.range:.3g}",
+        "speed [1/s]": lambda each: f"{each.measure.scale * each.speed:.3g}",
+        "unit": lambda each: each.measure.unit,
+    }
+    return Table.of(found.inputs, name | others | moves, note)
 
 
 def _limits(found: Identifiability) -> Figure:

@@ -23,22 +23,21 @@ exact; an effect that the trace has not named is taken to be as strong as its lo
 
 def decides(questions: Sequence[Question], before: Array, after: Array) -> Table:
     """Each question with the logs' answer, and with the motion's."""
-    return Table(
-        ("question", "measure", "with these logs", "after the motion"),
-        tuple(_row(each, before, after) for each in questions),
-        _NOTE,
-    )
+    columns = {
+        "question": str,
+        "measure": lambda each: (
+            "probability of the right name" if each.rival else "relative standard error"
+        ),
+        "with these logs": lambda each: _answer(each, before),
+        "after the motion": lambda each: _answer(each, after),
+    }
+    return Table.of(questions, columns, _NOTE)
 
 
-def _row(question: Question, before: Array, after: Array) -> tuple[str, ...]:
+def _answer(question: Question, gram: Array) -> str:
     if question.rival:
-        values = [
-            f"{question.probability(gram):.3f} (d = {question.distance(gram):.2g})"
-            for gram in (before, after)
-        ]
-        return str(question), "probability of the right name", *values
-    values = [f"{question.relative_error(gram):.3g}" for gram in (before, after)]
-    return str(question), "relative standard error", *values
+        return f"{question.probability(gram):.3f} (d = {question.distance(gram):.2g})"
+    return f"{question.relative_error(gram):.3g}"
 
 
 def page(
@@ -65,16 +64,17 @@ def page(
     )
 
 
-def _limits(columns: Sequence[CommandColumn]) -> Table:
+def _limits(several: Sequence[CommandColumn]) -> Table:
     """Between which limits each column stays."""
-    limited = any(np.isfinite(each.fastest) for each in columns)
-    rows = [
-        (each.name, each.unit, f"{each.low:.4g}", f"{each.high:.4g}", f"{each.fastest:.4g}")
-        for each in columns
-    ]
-    header = ("column", "unit", "least", "greatest", "most change a second")
-    last = len(header) if limited else -1
-    return Table(header[:last], tuple(row[:last] for row in rows))
+    columns = {
+        "column": lambda each: each.name,
+        "unit": lambda each: each.unit,
+        "least": lambda each: f"{each.low:.4g}",
+        "greatest": lambda each: f"{each.high:.4g}",
+    }
+    if any(np.isfinite(each.fastest) for each in several):
+        columns["most change a second"] = lambda each: f"{each.fastest:.4g}"
+    return Table.of(several, columns)
 
 
 def _drawn(motion: Motion, columns: Sequence[CommandColumn]) -> Figure:

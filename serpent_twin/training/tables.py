@@ -1,6 +1,7 @@
 """Lay out the tables on trained readouts."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from serpent_twin.reporting.report import Table
@@ -28,55 +29,61 @@ def cut_short(result: Mapping[str, Any]) -> int | None:
 
 def score_table(readouts: Scores) -> Table:
     """The mean errors of scores.json with their intervals, the least marked."""
-    against = [key for key in AGAINST if any(f"against_{key}" in r for r in readouts.values())]
-    header = ("readout", "mean ± std [mm]", "95 % interval [mm]", "in 95 % regions [%]")
-    rows = tuple(
-        (_name(name, result), *_errors(result), *(_above(result, key) for key in against))
-        for name, result in readouts.items()
-    )
-    best = frozenset({list(readouts).index(best_of(readouts))})
-    return Table((*header, *(f"above {key} [mm]" for key in against)), rows, _note(readouts), best)
+    columns: dict[str, Any] = {
+        "readout": _name,
+        "mean ± std [mm]": "{mean_mm:.2f} ± {std_mm:.2f}",
+        "95 % interval [mm]": interval,
+        "in 95 % regions [%]": _covered,
+    }
+    for key in AGAINST:
+        if any(f"against_{key}" in result for result in readouts.values()):
+            columns[f"above {key} [mm]"] = partial(_above, key=key)
+    best = best_of(readouts)
+    return Table.of(_named(readouts), columns, _note(readouts), lambda row: row["name"] == best)
 
 
 def detail_table(readouts: Scores) -> Table:
     """The spread of errors, and the cost of training and of one estimate."""
-    header = (
-        "readout",
-        "std of steps [mm]",
-        "tip [mm]",
-        "training [s]",
-        "epochs",
-        "one epoch [s]",
-        "one estimate [ms]",
-    )
-    rows = tuple((_name(name, result), *_details(result)) for name, result in readouts.items())
+    columns = {
+        "readout": _name,
+        "std of steps [mm]": "{std_of_step_means_mm:.2f}",
+        "tip [mm]": "{tip_mm:.2f}",
+        "training [s]": "{train_s:.1f}",
+        "epochs": lambda row: str(row["epochs"] or ""),
+        "one epoch [s]": lambda row: (
+            f"{row['seconds_per_epoch']:.2f}" if row["seconds_per_epoch"] else ""
+        ),
+        "one estimate [ms]": "{latency_ms:.3f}",
+    }
     note = (
         "Standard deviation over steps of each step's mean error; mean error of marker 9, the tip; the "
         "median time of an estimate of one row while the arm moves."
     )
-    return Table(header, rows, note)
+    return Table.of(_named(readouts), columns, note)
 
 
 def marker_table(readouts: Scores) -> Table:
     """Mean error of each marker."""
-    rows = tuple(
-        (_name(name, result), *(f"{value:.2f}" for value in result["per_marker_mm"]))
-        for name, result in readouts.items()
-    )
-    return Table(("mean error [mm] of marker", *map(str, range(1, len(rows[0])))), rows)
+    columns: dict[str, Any] = {"mean error [mm] of marker": _name}
+    for n in range(len(next(iter(readouts.values()))["per_marker_mm"])):
+        columns[str(n + 1)] = f"{{per_marker_mm[{n}]:.2f}}"
+    return Table.of(_named(readouts), columns)
 
 
 def adapt_table(real: Mapping[str, Any]) -> Table:
     """Mean errors of readouts corrected by more and more windows of another arm."""
-    counts = list(dict.fromkeys(count for of in real["windows"].values() for count in of))
-    rows = tuple(
-        (_name(name, of[counts[0]]), *(_mean(of[count]) for count in counts))
-        for name, of in real["windows"].items()
-    )
+    windows = real["windows"]
+    counts = list(dict.fromkeys(count for of in windows.values() for count in of))
+    columns: dict[str, Any] = {
+        "mean error [mm] after windows of the arm": lambda name: _starred(
+            name, windows[name][counts[0]]
+        )
+    }
+    columns |= {n: lambda name, n=n: _mean(windows[name][n]) for n in counts}
     note = "In brackets, the 95 % interval of the mean."
-    if any(name.endswith("*") for name, *_ in rows):
+    if any(cut_short(of[counts[0]]) for of in windows.values()):
         note += f" {_STOPPED}"
-    return Table(("mean error [mm] after windows of the arm", *counts), rows, note)
+    return Table.of(windows, columns, note)
 
 
 def interval(result: Mapping[str, Any]) -> str:
@@ -90,14 +97,22 @@ def _mean(result: Mapping[str, Any]) -> str:
     return f"{result['mean_mm']:.2f}" + (f" [{known}]" if known != "–" else "")
 
 
-def _name(name: str, result: Mapping[str, Any]) -> str:
+def _named(readouts: Scores) -> list[dict[str, Any]]:
+    """Entries of scores.json with their readouts' names."""
+    return [{"name": name} | dict(result) for name, result in readouts.items()]
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    return _starred(row["name"], row)
+
+
+def _starred(name: str, result: Mapping[str, Any]) -> str:
     return f"{name} *" if cut_short(result) else name
 
 
-def _errors(result: Mapping[str, Any]) -> tuple[str, ...]:
-    covered = result.get("coverage_95_percent")
-    mean = f"{result['mean_mm']:.2f} ± {result['std_mm']:.2f}"
-    return mean, interval(result), "–" if covered is None else f"{covered:.1f}"
+def _covered(row: Mapping[str, Any]) -> str:
+    covered = row.get("coverage_95_percent")
+    return "–" if covered is None else f"{covered:.1f}"
 
 
 def _above(result: Mapping[str, Any], key: str) -> str:
@@ -108,18 +123,6 @@ def _above(result: Mapping[str, Any], key: str) -> str:
     known = found["difference_interval_95_mm"] is not None
     verdict = ("beyond chance" if found["beyond_chance"] else "within chance") if known else "–"
     return f"{found['difference_mm']:+.2f} {verdict}".replace("-", "−")
-
-
-def _details(result: Mapping[str, Any]) -> tuple[str, ...]:
-    each, epochs = result["seconds_per_epoch"], result["epochs"]
-    return (
-        f"{result['std_of_step_means_mm']:.2f}",
-        f"{result['tip_mm']:.2f}",
-        f"{result['train_s']:.1f}",
-        str(epochs) if epochs else "",
-        f"{each:.2f}" if each else "",
-        f"{result['latency_ms']:.3f}",
-    )
 
 
 def _note(readouts: Scores) -> str:

@@ -1,6 +1,7 @@
 """Report a sweep: its points with units, what bodies compute and remember, how well poses are estimated."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -66,24 +67,33 @@ def lead(rows: Sequence[SweepRow]) -> str:
 
 def points_table(rows: Sequence[SweepRow]) -> Table:
     """One line a set of values, means over seeds."""
-    varied, names = _varied(rows) or ["stiffness"], readouts(rows)
     body = any(np.isfinite(row.capacity).any() for row in rows)
     numbers = dict(_MEASURES) if body else {}
-    numbers |= {f"{name} mm": error_of(name) for name in names}
-    header = (*(f"{AXES[n].name} {AXES[n].unit}" for n in varied), *numbers)
-    lines = tuple(
-        (*_place(of[0], varied), *(_cell(of, v) for v in numbers.values()))
-        for of in _groups(rows).values()
-    )
-    return Table(header, lines, _NOTE)
+    numbers |= {f"{name} mm": error_of(name) for name in readouts(rows)}
+    columns = {
+        head: lambda of, cell=cell: cell(of[0]) for head, cell in _varied_columns(rows).items()
+    }
+    columns |= {head: partial(_cell, value=value) for head, value in numbers.items()}
+    return Table.of(_groups(rows).values(), columns, _NOTE)
 
 
 def failed_table(rows: Sequence[SweepRow]) -> Table:
     """What failed at which point."""
+    why = {"seed": lambda row: f"{row.seed}", "what failed": lambda row: row.failed}
+    return Table.of(rows, _varied_columns(rows) | why)
+
+
+def _varied_columns(rows: Sequence[SweepRow]) -> dict[str, Callable[[SweepRow], str]]:
+    """A column for each quantity that is varied; a rigid cable has no slack, and its hinges' damping does
+    not count.
+    """
+
+    def cell(row: SweepRow, name: str) -> str:
+        rigid = not np.isfinite(row.stiffness) and name in ("slack", "damping")
+        return "" if rigid else _value(name, getattr(row, name))
+
     varied = _varied(rows) or ["stiffness"]
-    header = (*(f"{AXES[n].name} {AXES[n].unit}" for n in varied), "seed", "what failed")
-    lines = tuple((*_place(row, varied), f"{row.seed}", row.failed) for row in rows)
-    return Table(header, lines)
+    return {f"{AXES[n].name} {AXES[n].unit}": partial(cell, name=n) for n in varied}
 
 
 def facts(table: Mapping[str, Any]) -> dict[str, str]:
@@ -120,12 +130,6 @@ def _where(at: tuple[float, ...], rows: Sequence[SweepRow]) -> str:
     values = dict(zip(AXES, at, strict=True))
     told = [f"{_value(n, values[n])} {AXES[n].unit}" for n in _varied(rows)]
     return f" at {', '.join(told)}" if told else ""
-
-
-def _place(row: SweepRow, varied: Sequence[str]) -> tuple[str, ...]:
-    """Values of what is varied; a rigid cable has no slack, and its hinges' damping does not count."""
-    rigid, of_cables = not np.isfinite(row.stiffness), ("slack", "damping")
-    return tuple("" if rigid and n in of_cables else _value(n, getattr(row, n)) for n in varied)
 
 
 def _value(name: str, value: float) -> str:
