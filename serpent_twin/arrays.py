@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 
-def known_mean(values: Array, axis: int) -> Array:
-    """Mean along an axis over what is finite; NaN where nothing is."""
+def known_mean(values: Array, axis: int | tuple[int, ...]) -> Array:
+    """Mean along axes over what is finite; NaN where nothing is."""
     known = np.isfinite(values)
     total, count = np.where(known, values, 0.0).sum(axis=axis), known.sum(axis=axis)
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return np.divide(total, count, out=np.full(np.shape(total), np.nan), where=count > 0)
 
 
 def cross(a: Array, b: Array) -> Array:

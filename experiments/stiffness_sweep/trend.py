@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata
 
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, known_mean
 
 HELD, NOT, OPEN = "held", "did not hold", "cannot be told"
 TREND = 0.5
@@ -54,21 +54,14 @@ def over_seeds(values: Array, statistic: Callable[[Array], Array]) -> Interval:
 
     All points of a seed have the same inputs, so seeds are drawn for all cells together.
     """
-    seeds, found = values.shape[-1], float(statistic(_mean(values)))
+    seeds, found = values.shape[-1], float(statistic(known_mean(values, -1)))
     if seeds < FEWEST_SEEDS:
         return Interval(found, np.nan, np.nan)
     rng = np.random.default_rng(0)
     drawn = rng.integers(seeds, size=(_RESAMPLES, seeds))
-    means = np.stack([_mean(values[..., each]) for each in drawn])
+    means = np.stack([known_mean(values[..., each], -1) for each in drawn])
     low, high = np.nanquantile(statistic(means), [0.025, 0.975])
     return Interval(found, float(low), float(high))
-
-
-def _mean(values: Array) -> Array:
-    """Mean of the known values over the last axis; NaN where there are none."""
-    there = np.isfinite(values)
-    total, count = np.where(there, values, 0.0).sum(axis=-1), there.sum(axis=-1)
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
 
 def trend(values: Array, axis: int) -> Array:
@@ -89,7 +82,7 @@ def correlation(a: Array, b: Array) -> Array:
 
 
 def _centred(ranks: Array, gap: np.ndarray) -> Array:
-    return np.where(gap, 0.0, ranks - _mean(ranks)[..., None])
+    return np.where(gap, 0.0, ranks - known_mean(ranks, -1)[..., None])
 
 
 def rises(of: Interval, least: float = TREND) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, known_mean
 from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, sheet, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, write
 from serpent_twin.residual import Comparison
@@ -96,19 +96,14 @@ def first_picture(comparison: Comparison) -> Figure:
 
 def _furthest(comparison: Comparison) -> str:
     """The session whose channels differ most, each beside what it differs in all sessions."""
-    names = list(dict.fromkeys(comparison.session))
+    names, session = list(dict.fromkeys(comparison.session)), np.array(comparison.session)
     found = np.zeros(len(names))
     for residual in (comparison.marker_residual, comparison.load_residual):
         squares = (residual**2).reshape(*comparison.time.shape, -1)
-        each = np.array([_mean(squares[np.array(comparison.session) == name]) for name in names])
-        found += np.nan_to_num(each / np.maximum(_mean(squares), 1e-300)).sum(axis=1)
+        each = [known_mean(squares[session == name], (0, 1)) for name in names]
+        ratio = np.nan_to_num(each) / np.maximum(known_mean(squares, (0, 1)), 1e-300)
+        found += np.nan_to_num(ratio).sum(axis=1)
     return names[int(np.argmax(found))]
-
-
-def _mean(squares: Array) -> Array:
-    """The mean over segments and rows of what is known, (channels,); 0 of channels without any."""
-    known = np.isfinite(squares)
-    return np.where(known, squares, 0.0).sum(axis=(0, 1)) / np.maximum(known.sum(axis=(0, 1)), 1)
 
 
 def _clock(comparison: Comparison, rows: Rows) -> tuple[Array, Rows]:

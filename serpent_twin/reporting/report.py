@@ -151,7 +151,7 @@ def text_table(table: Table, widest: int = 1000) -> str:
 
 
 def _is_number(cell: str) -> bool:
-    return not cell or cell[0] in "0123456789−-+–<>±" or cell.lower() in ("nan", "none", "given")
+    return not cell or cell[0] in "0123456789−-+–<>±" or cell.lower() in ("nan", "none")
 
 
 def versions_text(origin: Mapping[str, Any]) -> str:

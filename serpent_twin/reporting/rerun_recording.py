@@ -14,7 +14,7 @@ from serpent_twin import sessions
 from serpent_twin.arm import meshes, routing
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, Arm, link_frames, middles
 from serpent_twin.arm.mjcf import STRANDS
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, known_mean
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.marker_looks import (
@@ -248,11 +248,9 @@ class Writer:
 
     def error(self, name: str, off: Array, row: Rows, colour: Colour) -> None:
         """Mean distance of the markers seen [mm], from their differences [m], (N, 9, 3)."""
-        distance = 1e3 * np.linalg.norm(off, axis=-1)
-        seen = np.isfinite(distance)
-        some = seen.any(axis=-1)
-        mean = np.where(seen, distance, 0.0)[some].sum(-1) / seen[some].sum(-1)
-        self.curve(f"plots/error/{name}", mean, colour, row[some])
+        mean = known_mean(1e3 * np.linalg.norm(off, axis=-1), -1)
+        seen = np.isfinite(mean)
+        self.curve(f"plots/error/{name}", mean[seen], colour, row[seen])
 
     def curve(
         self, path: str, value: Array, colour: Colour, row: Rows | None = None, name: str = ""

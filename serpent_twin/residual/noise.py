@@ -16,7 +16,8 @@ from math import gamma
 import numpy as np
 import scipy
 
-from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.arrays import Array, known_mean
+from serpent_twin.residual.comparison import Comparison
 from serpent_twin.residual.joint_attribution import joint_jacobian
 from serpent_twin.residual.measure import LOADS, MARKERS, Measure
 
@@ -113,10 +114,8 @@ def measurement_noise(comparison: Comparison) -> Noise:
 def _from_row_to_row(values: Array) -> Array:
     """Standard deviation of channels (S, T, N) by their first differences; NaN where unknown, (N,)."""
     squares = np.diff(values, axis=1) ** 2
-    known = np.isfinite(squares)
-    total, count = np.where(known, squares, 0.0).sum(axis=(0, 1)), known.sum(axis=(0, 1))
-    unknown = np.full(total.shape, np.nan)
-    return np.sqrt(np.divide(total, 2 * count, out=unknown, where=count >= FEWEST))
+    enough = np.isfinite(squares).sum(axis=(0, 1)) >= FEWEST
+    return np.sqrt(np.where(enough, known_mean(squares, (0, 1)) / 2, np.nan))
 
 
 def noise_std(

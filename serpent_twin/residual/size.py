@@ -1,11 +1,11 @@
 """Measure the error by marker, motor, segment and time."""
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
-from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.arrays import Array, known_mean
+from serpent_twin.residual.comparison import Comparison
 
 MOVING = 0.1
 """[rad/s] above which a motor moves: below, gear friction may hold any load"""
@@ -45,15 +45,13 @@ def marker_size(comparison: Comparison) -> MarkerSize:
     """Size of the marker error; lost markers are left out."""
     scale = comparison.marker.scale
     distance, residual = scale * comparison.distance, scale * comparison.marker_residual
-    with warnings.catch_warnings():  # a segment without any marker has a mean of NaN
-        warnings.simplefilter("ignore", RuntimeWarning)
-        return MarkerSize(
-            mean=float(np.nanmean(distance)) if distance.size else np.nan,
-            by_marker=np.nanmean(distance, axis=(0, 1)),
-            by_segment=np.nanmean(distance, axis=(1, 2)),
-            by_row=np.nanmean(distance, axis=2),
-            mean_residual=np.nanmean(residual, axis=(0, 1)),
-        )
+    return MarkerSize(
+        mean=float(np.nanmean(distance)) if distance.size else np.nan,
+        by_marker=known_mean(distance, (0, 1)),
+        by_segment=known_mean(distance, (1, 2)),
+        by_row=known_mean(distance, 2),
+        mean_residual=known_mean(residual, (0, 1)),
+    )
 
 
 def load_size(comparison: Comparison, moving_above: float = MOVING) -> LoadSize:
@@ -78,8 +76,4 @@ def is_moving(comparison: Comparison, above: float) -> np.ndarray:
 
 def _rms(values: Array, where: np.ndarray) -> Array:
     """Root mean square of each column over the rows chosen for it, NaN where there is none."""
-    chosen = where & np.isfinite(values)
-    total = np.where(chosen, values, 0.0) ** 2
-    count = chosen.sum(axis=(0, 1))
-    unknown = np.full(count.shape, np.nan)
-    return np.sqrt(np.divide(total.sum(axis=(0, 1)), count, out=unknown, where=count > 0))
+    return np.sqrt(known_mean(np.where(where, values, np.nan) ** 2, (0, 1)))

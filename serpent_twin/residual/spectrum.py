@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serpent_twin.residual.comparison import Array
+from serpent_twin.arrays import Array, known_mean
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,7 @@ def spectrum(values: Array, period: float) -> tuple[Array, Array]:
 
 def known(values: Array) -> Array:
     """Values (S, T, C) without their mean over all rows; NaN becomes zero."""
-    finite = np.isfinite(values)
-    count = np.maximum(finite.sum(axis=(0, 1)), 1)
-    mean = np.where(finite, values, 0.0).sum(axis=(0, 1)) / count
-    return np.where(finite, values - mean, 0.0)
+    return np.where(np.isfinite(values), values - known_mean(values, (0, 1)), 0.0)
 
 
 def autocorrelation_rows(values: Array) -> float:

@@ -129,9 +129,10 @@ def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -
 
 def row_from(numbers: Mapping[str, Any]) -> SweepRow:
     """The row whose `numbers` these are."""
-    row = {name: _known(numbers[key]) for name, key in _KEYS.items()}
-    rigid = numbers["stiffness_n_m"] is None
-    return SweepRow(**row | ({"stiffness": np.inf} if rigid else {}))
+    row: dict[str, Any] = {name: _known(numbers[key]) for name, key in _KEYS.items()}
+    if np.isnan(row["stiffness"]):  # rigid cables
+        row["stiffness"] = np.inf
+    return SweepRow(**row)
 
 
 def _known(value: Any) -> Any:
