@@ -186,12 +186,7 @@ def _by_own_size(before: Errors, after: Errors) -> Array:
         (before.marker_by_block, after.marker_by_block),
         (before.load_by_block, after.load_by_block),
     )
-    return _mean_of_known(np.array([2 * (a - b) / (a + b) for a, b in pairs]))
-
-
-def _mean_of_known(parts: Array) -> Array:
-    """Means over what is known of P kinds of measurement, (P, S, B), NaN where nothing is, (S, B)."""
-    return known_mean(np.moveaxis(parts, 0, 1).reshape(parts.shape[1], len(parts), -1), axis=1)
+    return known_mean(np.array([2 * (a - b) / (a + b) for a, b in pairs]), axis=0)
 
 
 def gain(before: Errors, after: Errors, selected: float | None = None) -> Gain:
@@ -212,7 +207,7 @@ def gain(before: Errors, after: Errors, selected: float | None = None) -> Gain:
             "no held-out segment has markers or moving motors, so nothing can be judged. Hold out "
             "other sessions: --held-out."
         )
-    each = _mean_of_known(np.array(parts))
+    each = known_mean(np.array(parts), axis=0)
     by_chance = chance(_by_own_size(before, after))
     return Gain(
         each,
