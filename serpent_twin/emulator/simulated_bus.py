@@ -10,7 +10,6 @@ from serpent_twin.arrays import Array
 from serpent_twin.emulator.motors import STANDARD, Protection, SimulatedMotors
 from serpent_twin.hardware import xl430
 from serpent_twin.hardware.motor_bus import BusError, MotorBus, MotorState
-from serpent_twin.hardware.xl430 import Registers, Words
 from serpent_twin.sim.twin import Twin
 
 __all__ = ["Protection", "SimulatedBus"]
@@ -19,8 +18,7 @@ __all__ = ["Protection", "SimulatedBus"]
 class SimulatedBus(MotorBus):
     """A `MotorBus` over run 0 of a twin; time passes only in `wait`, as fast as it computes.
 
-    `read_registers` and `write_goal_velocity` use register words; everything else is built on
-    them. The same motors on a wire are `python -m serpent_twin.bus.device`.
+    The words of the registers are those of its `motors`. The same motors on a wire are `python -m serpent_twin.bus.device`.
     """
 
     def __init__(
@@ -57,31 +55,25 @@ class SimulatedBus(MotorBus):
         """Switch all drives on or off; a motor in error stays off and is named."""
         self._require_connection()
         if on and self.motors.hardware_error.any():
-            raise BusError(f"{self._tripped()} Reboot before enabling torque.")
+            names = ", ".join(str(i + 1) for i in np.flatnonzero(self.motors.hardware_error))
+            raise BusError(
+                f"motor {names} has switched itself off after a hardware error. "
+                "Reboot before enabling torque."
+            )
         self.motors.power(on)
 
     def write_velocity(self, velocity: ArrayLike) -> Array:
         """Send goal velocities [rad/s], (10,); returns those sent, quantised and limited."""
         self._require_connection()
         goal = xl430.goal_velocity_words(xl430.checked_velocity(velocity))
-        self.write_goal_velocity(goal)
+        self.motors.goal = goal
         return goal * xl430.VELOCITY_UNIT
-
-    def write_goal_velocity(self, goal: Words) -> None:
-        """Set register 104 of all motors; words beyond the Velocity Limit are not applied."""
-        self.motors.goal = np.where(np.abs(goal) <= xl430.VELOCITY_LIMIT, goal, self.motors.goal)
 
     def read_state(self) -> MotorState:
         """Read all motors at the present instant."""
         self._require_connection()
         zero = -self._turns * xl430.TURN
-        return MotorState.from_registers(self.read_registers(), self.time, zero)
-
-    def read_registers(self) -> Registers:
-        """Registers 70 and 120 … 146 of all motors at the present instant; new noise of the load is drawn
-        when time has passed, not when it is read again.
-        """
-        return self.motors.registers()
+        return MotorState.from_registers(self.motors.registers(), self.time, zero)
 
     def reboot(self, motors: Iterable[int]) -> None:
         """Restart motors, numbered from 1: errors clear, torque goes off; the motors lose their turn
@@ -89,9 +81,9 @@ class SimulatedBus(MotorBus):
         """
         self._require_connection()
         index = np.array([motor - 1 for motor in motors], int)
-        before = self.read_registers().present_position + self._turns * xl430.TURN
+        before = self.motors.registers().present_position + self._turns * xl430.TURN
         self.motors.reboot(index)
-        after = self.read_registers().present_position
+        after = self.motors.registers().present_position
         self._turns[index] = xl430.nearest_turns(after[index], before[index])[0]
 
     def wait(self, period: float) -> float:
@@ -105,10 +97,6 @@ class SimulatedBus(MotorBus):
         if self._connected:
             self.motors.power(False)
         self._connected = False
-
-    def _tripped(self) -> str:
-        names = ", ".join(str(i + 1) for i in np.flatnonzero(self.motors.hardware_error))
-        return f"motor {names} has switched itself off after a hardware error."
 
     def _require_connection(self) -> None:
         if not self._connected:

@@ -41,16 +41,16 @@ def test_motors_run_at_the_goal_and_stop_at_zero(bus):
 def test_position_counts_over_many_turns(bus):
     bus.twin.power(False)
     bus.twin.qpos[0, 0] = 3.5 * 2 * np.pi
-    assert bus.read_registers().present_position[0] == 3.5 * 4096
+    assert bus.motors.registers().present_position[0] == 3.5 * 4096
 
 
 def test_the_bus_owns_time_and_the_tick_wraps(bus):
     assert bus.wait(0.25) == 0.25
     assert bus.wait(0.5) == 0.75
-    assert (bus.read_registers().realtime_tick == 750).all()
+    assert (bus.motors.registers().realtime_tick == 750).all()
     for _ in range(33):
         bus.wait(1.0)
-    assert (bus.read_registers().realtime_tick == (33750 % 32768)).all()
+    assert (bus.motors.registers().realtime_tick == (33750 % 32768)).all()
 
 
 def test_readings_are_words(bus):
@@ -72,10 +72,10 @@ def test_reading_twice_at_one_instant_reads_the_same():
     with SimulatedBus(load_noise=0.02) as bus:
         bus.enable_torque()
         bus.wait(0.25)
-        first, second = bus.read_registers(), bus.read_registers()
+        first, second = bus.motors.registers(), bus.motors.registers()
         assert np.array_equal(first.present_load, second.present_load)
         bus.wait(0.25)
-        assert not np.array_equal(first.present_load, bus.read_registers().present_load)
+        assert not np.array_equal(first.present_load, bus.motors.registers().present_load)
 
 
 def test_load_is_the_drives_torque_with_the_gears_own_friction(bus):
@@ -115,9 +115,9 @@ def test_overload_trips_a_stalled_motor_and_a_reboot_loses_its_turns():
         assert not state.hardware_error[1:].any()
         with pytest.raises(BusError, match=r"motor 1 .*Reboot"):
             bus.enable_torque()
-        before = bus.read_registers().present_position[0]
+        before = bus.motors.registers().present_position[0]
         bus.reboot([1])
-        after = bus.read_registers()
+        after = bus.motors.registers()
         assert after.hardware_error[0] == 0
         assert after.present_position[0] == before % 4096
         bus.enable_torque()

@@ -236,7 +236,7 @@ def test_lockstep_is_the_simulated_bus_word_for_word():
             bus.enable_torque()
             for goal in steps:
                 client.goals(goal)
-                bus.write_goal_velocity(goal)
+                bus.motors.goal = goal
                 bus.wait(0.1)
                 wanted = bus.motors.registers()
                 for _ in range(2):

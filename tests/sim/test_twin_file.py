@@ -89,7 +89,7 @@ def test_the_bus_moves_the_design_s_twin():
     with bus:
         bus.enable_torque()
         for goal in np.random.default_rng(1).integers(-20, 21, (8, 10)):
-            bus.write_goal_velocity(goal)
+            bus.motors.goal = goal
             bus.wait(0.25)
             twin.advance(goal * VELOCITY_UNIT, 0.25)
             for name in ("motor_angle", "motor_torque", "joint_angle", "markers", "tension"):
