@@ -13,16 +13,22 @@ from typing import Any
 from experiments.measured.benchmark import BENCHMARKS, rig_of
 from experiments.measured.changed import changed
 from experiments.measured.named import judge
-from experiments.measured.page import effect_told, page, rejected, table
 from experiments.measured.regression import regressions
+from experiments.measured.result_page import (
+    effect_told,
+    errors_table,
+    lacked_table,
+    pictures,
+    rejected,
+)
 from experiments.measured.split import Asked, asked, inner, judged_by
-from experiments.result_page import left_on, publish, store
+from experiments.result_page import left_on, publish, store, write_report
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.identification import Trace
 from serpent_twin.identification.run import trace_sessions
 from serpent_twin.machines.measured import Recording
-from serpent_twin.reporting.report import text_table, write
+from serpent_twin.reporting.report import text_table
 from serpent_twin.runs.provenance import git_commit
 
 STAGES = ("nominal", "calibrated", "corrected")
@@ -42,7 +48,7 @@ class Measured(Checked):
     after a change, each is also searched for what was changed.
     """
     seed: Seed = 0
-    """Of bootstrap and permutations."""
+    """Seed of bootstrap and permutations."""
     page: Path | None = None
     """Also write the results as a page, such as docs/results/measured-machines.md; machines that are not
     among the data stay there as an earlier run left them."""
@@ -55,9 +61,9 @@ def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the 
     settings = {"held_out": config.held_out, "seed": config.seed}
     figures = {"rigs": found, "settings": settings}
     results = store(config.out / "results.json", "experiments.measured", figures)
-    print(text_table(table(found)))
-    report = page(found)
-    print(f"{write(report, config.out)}: {report.lead}")
+    for table in (errors_table(found), lacked_table(found)):
+        print(f"{text_table(table)}\n")
+    print(write_report(results, config.out, *pictures(found)))
     publish(results | {"rigs": _beside_earlier(config, found)}, config.page)
 
 

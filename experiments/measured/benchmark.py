@@ -15,7 +15,7 @@ class Benchmark:
     """A machine's data, and how its twin is judged."""
 
     metric: Metric
-    """Of its error"""
+    """Measure of its error"""
     splits: tuple[tuple[str, ...], ...]
     """Names of the files held out in each; the first is the one reported"""
     reference: float

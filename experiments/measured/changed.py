@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from experiments.measured.benchmark import BENCHMARKS
-from experiments.measured.page import effect_told, rejected
+from experiments.measured.result_page import effect_told, rejected
 from experiments.measured.split import by_time
 from serpent_twin import machines, stored
 from serpent_twin.identification import Trace, held_out
@@ -124,7 +124,7 @@ def carried(
 
 
 def _digest(twin: Path) -> str:
-    """Of what a twin is, so that a trace which began with another one does not go on."""
+    """Hash of a twin without its provenance, so that a trace which began with another one does not go on."""
     told = stored.read_json(twin)
     for origin in ("provenance", "fitted_to"):
         told.pop(origin, None)

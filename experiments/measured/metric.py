@@ -20,7 +20,7 @@ class Metric:
     words: str
     """On an axis"""
     unit: str
-    """In which people read it"""
+    """Unit in which people read it"""
     size: Callable[[Array], float]
     """In that unit, of errors (..., C) of all C coordinates in rad or m; NaN where nothing was measured"""
 

@@ -40,7 +40,7 @@ def _jaw(run: Recording) -> Array:
 
 
 def _jaw_with_torque(run: Recording) -> Array:
-    """The same, and the spindle's torque, which the twin has to predict."""
+    """The features of `_jaw` and the spindle's torque, which the twin has to predict."""
     c, torque = run.columns, run.columns["spindle_torque"]
     turned = c["spindle_position"] - c["spindle_position"][0]
     more = np.stack([torque, torque * turned], axis=1)

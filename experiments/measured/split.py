@@ -22,7 +22,7 @@ class Asked:
     """Runs of one machine."""
 
     splits: list[Split]
-    """Of the machine as it was; with --held-out, what judges may be otherwise"""
+    """Splits of the machine as it was; with --held-out, what judges may be otherwise"""
     changed: list[Recording]
     """After something may have been changed"""
 

@@ -56,10 +56,9 @@ def test_a_changed_trunk_begins_from_the_twin_of_the_trunk_as_it_was(trunks, tra
     assert [name for name, _, _ in traced] == ["trunk"] * 2 + ["trunk since controlled_2"] * 2
     assert traced[2][1:] == (["heavy before 12 s"], ["heavy from 12 s"])
     text = (tmp_path / "out" / "report.md").read_text()
-    assert (
-        "0.2 [0.1 … 0.3] of the trunk's own weight" in text and "in grams cannot be known" in text
-    )
-    assert "same: nothing that is beyond chance." in text
+    assert "0.2 [0.1 … 0.3] × the machine's own weight" in text
+    assert "in grams cannot be known" in text
+    assert "| the end of same | nothing that is beyond chance |" in text
     assert "reference 9.90 mm" in text and "published 9" not in text
 
 

@@ -14,8 +14,8 @@ from measured_traces import compared, trunk
 
 from experiments.measured import __main__ as measured
 from experiments.measured import metric as measured_metric
-from experiments.measured import page as measured_page
 from experiments.measured import regression as measured_regression
+from experiments.measured import result_page as measured_page
 from experiments.measured import split as measured_split
 from experiments.measured.benchmark import BENCHMARKS
 from serpent_twin.errors import SerpentError
