@@ -24,7 +24,7 @@ _SETTLED = 0.5
 _SMALL_SHARE = 5e-4
 """A step that reduces the cost by less than this share is the last, too"""
 _SMALL_PART = 0.1
-"""A step counts as small if it brings a cost that is not near by less than this part of the way there"""
+"""A step that brings the cost less than this part of the way to a near one is the last, too"""
 _SETTLED_SHARE = 1e-2
 """A derivative whose steps reduce the cost by less than this share is the last: another gains about a tenth
 """
