@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as csv
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.extras import requires
 from serpent_twin.runs.files import write_whole
-from serpent_twin.tables import parquet
+from serpent_twin.tables import parquet, text
 
 FORMS = (".csv", ".mcap")
 _TOPIC, _SCHEMA = "/log", "serpent_twin.row"
@@ -30,15 +28,9 @@ def export(path: Path, to: Path) -> int:
     if "time" not in table.columns:
         raise SerpentError(f"{path} has no column 'time'. Name a log.")
     to.parent.mkdir(parents=True, exist_ok=True)
-    make = _csv if to.suffix == ".csv" else _mcap
+    make = text.packed if to.suffix == ".csv" else _mcap
     write_whole(to, make(table.columns))
     return table.rows
-
-
-def _csv(columns: dict[str, Any]) -> bytes:
-    sink = io.BytesIO()
-    csv.write_csv(pa.table(columns), sink)
-    return sink.getvalue()
 
 
 def _mcap(columns: dict[str, Any]) -> bytes:

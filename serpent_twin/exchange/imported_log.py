@@ -14,6 +14,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Table, text_table
 from serpent_twin.sessions.finding import Finding, rows_text, stretches
+from serpent_twin.tables import parquet
 from serpent_twin.tables.imported import KEY, TIME
 
 _ADVICE = "Leave it out, or import it again."
@@ -66,16 +67,10 @@ def is_other(path: Path) -> bool:
 
 def read(path: Path) -> ImportedLog:
     """The log of a file; raises a `SerpentError` that says what is wrong with it."""
-    table = tables.read(path, _ADVICE)
+    table = parquet.read(path, _ADVICE)
     raw = table.metadata.get(KEY)
     said = stored.parse_json(raw, _Said, f"{path}: the metadata") if raw else _Said()
-    own = {
-        name
-        for name in table.columns
-        if name not in {of.field for of in table.conversions.values()}
-    }
-    own |= {*table.conversions} & {*table.columns}
-    numbers = [n for n in table.columns if n in own and table.columns[n].dtype.kind in "fiub"]
+    numbers = [name for name, values in table.columns.items() if values.dtype.kind in "fiub"]
     if TIME not in table.columns or table.rows < 2:
         raise SerpentError(f"{path} has no column {TIME!r} of several rows. {_ADVICE}")
     columns = {name: table.numbers(name) for name in numbers if name != TIME}

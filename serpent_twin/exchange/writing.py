@@ -1,14 +1,11 @@
 """Write an imported log, and say what was taken and what was left."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from serpent_twin.arrays import Array
 from serpent_twin.exchange.map_file import Map
@@ -16,6 +13,7 @@ from serpent_twin.exchange.streams import ImportedStream
 from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Table, text_table
 from serpent_twin.runs.files import write_whole
+from serpent_twin.tables import parquet
 from serpent_twin.tables.imported import KEY, Conversion
 
 
@@ -42,13 +40,8 @@ def write(path: Path, each: Imported, wanted: Map, about: Mapping[str, Any]) -> 
     of_columns = {"time": Conversion(wanted.stream[0].time, each.streams[0].time_unit).metadata}
     for stream in each.streams:
         of_columns |= {name: made.metadata for name, made in stream.conversions.items()}
-    fields = [pa.field(n, pa.float64(), metadata=of_columns[n]) for n in each.columns]
     said = {"git_commit": about["git_commit"], "held": list(each.held), "log": each.name}
-    schema = pa.schema(fields, metadata={KEY: json.dumps(said)})
-    sink = pa.BufferOutputStream()
-    table = pa.Table.from_arrays([pa.array(v) for v in each.columns.values()], schema=schema)
-    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
-    write_whole(path, sink.getvalue())
+    write_whole(path, parquet.packed(each.columns, KEY, said, of_columns))
 
 
 def told(each: Imported) -> dict[str, Any]:

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as csv
-import pyarrow.parquet as pq
 
 from serpent_twin.arm.control import TARGET_COLUMNS, checked_targets
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.tables import parquet
+from serpent_twin.runs.files import write_whole
+from serpent_twin.tables import parquet, text
 
 _KEY = b"serpent_twin_motion"
 ARM = "arm"
@@ -47,13 +45,8 @@ def write(path: Path, motion: Motion) -> None:
         time = np.arange(len(motion.targets)) / motion.rate_hz / unit
         columns = {name: np.round(time, 9), **columns}
     about = {**motion.about, "rate_hz": motion.rate_hz, "sha256": _hash(motion.targets)}
-    table = pa.table(columns).replace_schema_metadata({_KEY: json.dumps(about)})
-    part = path.with_name(path.name + ".partial")
-    if path.suffix == ".csv":
-        csv.write_csv(table, part)
-    else:
-        pq.write_table(table, part, write_page_checksum=True)
-    part.rename(path)
+    is_text = path.suffix == ".csv"
+    write_whole(path, text.packed(columns) if is_text else parquet.packed(columns, _KEY, about))
 
 
 def require_form(path: Path, rig: str) -> None:

@@ -1,6 +1,5 @@
 """Read and write session logs as Parquet."""
 
-import json
 import logging
 import re
 from collections.abc import Callable, Sequence
@@ -8,8 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
@@ -109,14 +106,10 @@ def write_session(path: Path | str, session: Session) -> Path:
         raise SerpentError(f"{path} was not written: the session has no rows.")
     metadata = {"schema_version": SCHEMA_VERSION} | session.metadata | {"rows": len(session)}
     check_metadata(metadata, str(path))
-    columns = {name: pa.array(column) for name, column in columns_of(session).items()}
-    units = {name: {"unit": UNITS[name]} if name in UNITS else None for name in columns}
-    fields = [pa.field(name, column.type, metadata=units[name]) for name, column in columns.items()]
-    schema = pa.schema(fields, metadata={KEY: json.dumps(metadata)})
-    sink = pa.BufferOutputStream()
-    table = pa.Table.from_arrays(list(columns.values()), schema=schema)
-    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
-    _publish(path, sink.getvalue())
+    if path.exists():
+        raise SerpentError(f"{path} exists already and is kept: move it away, or name another.")
+    units = {name: {"unit": unit} for name, unit in UNITS.items()}
+    write_whole(path, parquet.packed(columns_of(session), KEY, metadata, units))
     return path
 
 
@@ -206,10 +199,3 @@ def _check_alike(folder: Path, sessions: Sequence[Session], key: str) -> None:
         raise SerpentError(
             f"{folder} mixes sessions that differ in {key}: {found}. Keep one run per folder."
         )
-
-
-def _publish(path: Path, payload: Any) -> None:
-    """Put bytes at a path where nothing is yet."""
-    if path.exists():
-        raise SerpentError(f"{path} exists already and is kept: move it away, or name another.")
-    write_whole(path, payload)

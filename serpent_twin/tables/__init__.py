@@ -6,9 +6,11 @@ on how it was read, for the user; `.units`, where the file states them. `.number
 """
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.tables import imported, lerobot
 from serpent_twin.tables.table import DataTable
 
 __all__ = ["ENDINGS", "DataTable", "ending", "read", "reads", "stem"]
@@ -63,11 +65,20 @@ def reads(path: Path) -> bool:
 
 
 def read(path: Path, advice: str = "") -> DataTable:
-    """The table of a file; raises a `SerpentError` that says what is wrong with it, and then `advice`."""
+    """The table of a file; raises a `SerpentError` that says what is wrong with it, and then `advice`.
+
+    Of an episode of a LeRobot data set also by the names of its joints, of an imported log by the names that
+    the recording had.
+    """
     if not reads(path):
         raise SerpentError(f"{path} {otherwise(path)}.")
     format_ = importlib.import_module(f"{__name__}.{_FORMATS[ending(path)]}")
-    return format_.read(path, advice)
+    found: DataTable = format_.read(path, advice)
+    if ending(path) != ".parquet":
+        return found
+    recorded, units = imported.as_recorded(found) if imported.KEY in found.metadata else ({}, {})
+    columns = found.columns | lerobot.by_names(path, found.columns) | recorded
+    return replace(found, columns=columns, units={**found.units, **units})
 
 
 def otherwise(path: Path) -> str:

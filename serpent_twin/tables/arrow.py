@@ -21,16 +21,23 @@ def values_of(column: Any) -> Column:
         column = column.cast(pa.timestamp(kind.unit, "UTC"))
     if pa.types.is_decimal(kind) or pa.types.is_null(kind):
         column = column.cast(pa.float64())
+    if is_text(kind):
+        return from_texts(_texts(column.dictionary_encode()))
     if pa.types.is_dictionary(kind):
-        column = column.cast(kind.value_type)
+        return from_texts(_texts(column))
     if pa.types.is_time(kind):
         column = column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.duration("ns"))
     found = column.to_numpy()
-    if _is_text(column.type):
-        return from_texts(found)
     if found.dtype.kind in "mM":
         return found.astype(f"{found.dtype.kind}8[ns]")
     return found.astype(float) if found.dtype.kind == "O" else found  # truths with empty cells
+
+
+def _texts(column: Any) -> list[str | None]:
+    """The cells of a column, each text once in memory, however often it is there."""
+    texts = [[*part.dictionary.to_pylist(), None] for part in column.chunks]
+    at = [part.indices.fill_null(-1).to_pylist() for part in column.chunks]
+    return [several[n] for several, rows in zip(texts, at, strict=True) for n in rows]
 
 
 def columns_of(name: str, column: Any) -> dict[str, Column]:
@@ -77,10 +84,11 @@ def _is_plain(kind: Any) -> bool:
         numbers
         or of.is_temporal(kind)
         or of.is_decimal(kind)
-        or _is_text(kind)
-        or (of.is_dictionary(kind) and _is_text(kind.value_type))
+        or is_text(kind)
+        or (of.is_dictionary(kind) and is_text(kind.value_type))
     )
 
 
-def _is_text(kind: Any) -> bool:
+def is_text(kind: Any) -> bool:
+    """Whether a column of Arrow holds texts."""
     return pa.types.is_string(kind) or pa.types.is_large_string(kind)

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from serpent_twin.tables.table import Column
+from serpent_twin.tables.table import Column, DataTable
 from serpent_twin.units import TO_SI
 
 KEY = b"serpent_twin_import"
@@ -52,13 +52,12 @@ def conversion(metadata: Mapping[bytes, bytes]) -> Conversion | None:
     return Conversion(said["field"], said["field_unit"], scale, offset) if scale else None
 
 
-def as_recorded(
-    columns: Mapping[str, Column], conversions: Mapping[str, Conversion]
-) -> tuple[dict[str, Column], dict[str, str]]:
+def as_recorded(table: DataTable) -> tuple[dict[str, Column], dict[str, str]]:
     """Columns by the names that the recording had, in its units, and these units.
 
     A name that the log has stays its own, and one that two streams have is left out.
     """
+    columns, conversions = table.columns, table.conversions
     once = Counter(each.field for each in conversions.values())
     new = {
         each.field: (name, each)

@@ -4,6 +4,7 @@ import gzip
 import io
 import re
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.stored import require_file
 from serpent_twin.tables.arrow import values_of
 from serpent_twin.tables.dialect import BLANKS, COMMENTS, Dialect, NoHeaderError, find
-from serpent_twin.tables.table import MOST_BYTES, DataTable, require_once, require_room
+from serpent_twin.tables.table import MOST_BYTES, Column, DataTable, require_once, require_room
 
 _HEAD = 1_000_000
 """Bytes in which the header is looked for"""
@@ -47,6 +48,13 @@ def read(path: Path, advice: str) -> DataTable:
     }
     units = dict(zip(dialect.names, dialect.units, strict=False))
     return DataTable(path, columns, (*notes, *([CUT] if cut else [])), units)
+
+
+def packed(columns: Mapping[str, Column]) -> bytes:
+    """The bytes of a CSV file of columns (T,)."""
+    sink = io.BytesIO()
+    csv.write_csv(pa.table(dict(columns)), sink)
+    return sink.getvalue()
 
 
 def unpacked(path: Path, advice: str) -> tuple[bytes, tuple[str, ...]]:
