@@ -71,9 +71,7 @@ def session(arrays: dict[str, Array], arm: str, number: int) -> Session:
     """A session log of what was seen."""
     metadata: dict[str, Any] = {"schema_version": 1, "backend": "bench", "arm": arm}
     metadata |= {"session": number, "rate_hz": RATE}
-    known = {name: arrays[name] for name in pushes.COLUMNS if name in arrays}
-    measured: dict[str, Any] = {name: v for name, v in arrays.items() if name not in known}
-    return Session(path=None, metadata=metadata, **measured, extra=known)
+    return Session(None, metadata, arrays)
 
 
 def control(target: Array, motor: Array) -> Array:

@@ -27,9 +27,9 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.identification import Trace
 from serpent_twin.identification.run import trace_sessions
-from serpent_twin.machines.measured import Recording
 from serpent_twin.reporting.report import text_table
 from serpent_twin.runs.provenance import git_commit
+from serpent_twin.tables.log import Log
 
 STAGES = ("nominal", "calibrated", "corrected")
 
@@ -96,9 +96,7 @@ def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
     }
 
 
-def _split(
-    config: Measured, name: str, training: list[Recording], judging: list[Recording]
-) -> dict[str, Any]:
+def _split(config: Measured, name: str, training: list[Log], judging: list[Log]) -> dict[str, Any]:
     """One split's entry in results.json."""
     files, rig = judged_by(judging), rig_of(name, config.data)
     bench, out = BENCHMARKS[name], _folder(config, name, judging)
@@ -127,7 +125,7 @@ def _split(
     }
 
 
-def _folder(config: Measured, name: str, judging: Sequence[Recording]) -> Path:
+def _folder(config: Measured, name: str, judging: Sequence[Log]) -> Path:
     """Where a split's trace leaves its results."""
     names = [each.removesuffix(".parquet").removesuffix("*") for each in judged_by(judging)]
     return config.out / name / "_".join(sorted(names))[:80]

@@ -23,8 +23,9 @@ from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.run import trace_sessions
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Recording, read_twin
+from serpent_twin.machines.measured import read_twin
 from serpent_twin.runs.provenance import file_hash
+from serpent_twin.tables.log import Log
 
 _DERIVATIVES, _SEGMENTS = 2, 9
 _WEIGHT = "weight of the trunk"
@@ -34,8 +35,8 @@ _WEIGHT = "weight of the trunk"
 def changed(
     name: str,
     twin: Path,
-    unchanged: Sequence[Recording],
-    runs: Sequence[Recording],
+    unchanged: Sequence[Log],
+    runs: Sequence[Log],
     out: Path,
     seed: int,
 ) -> list[dict[str, Any]]:
@@ -46,7 +47,7 @@ def changed(
     return [_one(name, before, run, out, seed) for run in runs]
 
 
-def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Path:
+def _before(name: str, twin: Path, runs: Sequence[Log], path: Path) -> Path:
     """The twin of the machine as it was, fitted again to all its runs, with its parameters' errors."""
     of = {run.name: file_hash(run.path) for run in runs if run.path} | {"twin": _digest(twin)}
     if path.exists() and (told := read_twin(path, name)).fitted_to == of and told.error:
@@ -64,7 +65,7 @@ def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Pat
     return path
 
 
-def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[str, Any]:
+def _one(name: str, twin: Path, run: Log, out: Path, seed: int) -> dict[str, Any]:
     assert run.path
     machine: Any = machines.find(name)
     fitted, judging = by_time(run)
@@ -94,7 +95,7 @@ def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[st
 
 def carried(
     rig: machines.Rig,
-    runs: Sequence[Recording],
+    runs: Sequence[Log],
     effects: Sequence[Mapping[str, Any]],
     twin: Path,
 ) -> dict[str, float] | None:

@@ -17,8 +17,9 @@ from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Recording, read_twin
+from serpent_twin.machines.measured import read_twin
 from serpent_twin.residual import Comparison
+from serpent_twin.tables.log import Log
 
 _DERIVATIVES = 3
 
@@ -33,9 +34,7 @@ class Judged:
     """Parameters of each, fitted again"""
 
 
-def judge(
-    rig: Any, twin: Path, training: Sequence[Recording], judging: Sequence[Recording]
-) -> Judged:
+def judge(rig: Any, twin: Path, training: Sequence[Log], judging: Sequence[Log]) -> Judged:
     """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
     named = read_twin(twin, rig.name).point.effects
     case = with_laws(rig.open(training), named)
@@ -49,7 +48,7 @@ def judge(
     )
 
 
-def _fitted(case: Case[Any], training: Sequence[Recording], start: ParameterVector) -> Fit:
+def _fitted(case: Case[Any], training: Sequence[Log], start: ParameterVector) -> Fit:
     """All parameters of a point, weights renewed in between."""
     runs, at = case.pieces(training), start
     for _ in range(2):

@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.measured.metric import TIP_RMS, Metric
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Recording
+from serpent_twin.tables.log import Log
 
 _RIDGE = 1e-3
 _LAGS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s]
@@ -15,11 +15,11 @@ _SMOOTH = 0.05  # [s] on both sides, over which the spindle's speed is taken
 _SLOW = 0.05  # [rad/s] below which a direction of motion fades
 _DELAYS = np.linspace(0.0, 0.4, 41)  # [s]
 _MOTORS, _TIP = range(1, 7), ("disk3_x", "disk3_y", "disk3_z")  # of the trunk
-Features = Callable[[Recording], Array]
+Features = Callable[[Log], Array]
 Kinds = Mapping[str, Features]
 
 
-def _xl330(run: Recording) -> Array:
+def _xl330(run: Log) -> Array:
     """Goals of the last 0.8 s, their sines, each also by the P gain; whether the motor is on."""
     c = run.columns
     rows = [round(lag / np.median(np.diff(c["time"]))) for lag in _LAGS]
@@ -29,7 +29,7 @@ def _xl330(run: Recording) -> Array:
     return np.concatenate([base, np.log(run.metadata["kp"]) * base], axis=1)
 
 
-def _jaw(run: Recording) -> Array:
+def _jaw(run: Log) -> Array:
     """Spindle's turn since the run began, its square and cube, load, direction of motion, speed, products."""
     c = run.columns
     s, load = c["spindle_position"] - c["spindle_position"][0], c["jaw_torque"]
@@ -39,7 +39,7 @@ def _jaw(run: Recording) -> Array:
     return np.stack([s, s**2, s**3, load, load * s, way, way * s, way * load, speed], axis=1)
 
 
-def _jaw_with_torque(run: Recording) -> Array:
+def _jaw_with_torque(run: Log) -> Array:
     """The features of `_jaw` and the spindle's torque, which the twin has to predict."""
     c, torque = run.columns, run.columns["spindle_torque"]
     turned = c["spindle_position"] - c["spindle_position"][0]
@@ -50,7 +50,7 @@ def _jaw_with_torque(run: Recording) -> Array:
 def _commands(delay: float, degree: int) -> Features:
     """The trunk's six commands, delayed by a time [s], and their products."""
 
-    def features(run: Recording) -> Array:
+    def features(run: Log) -> Array:
         time = run.columns["time"]
         late = [np.interp(time - delay, time, run.columns[f"motor{n}_command"]) for n in _MOTORS]
         return _products(late, degree)
@@ -58,12 +58,12 @@ def _commands(delay: float, degree: int) -> Features:
     return features
 
 
-def _motor_angles(run: Recording) -> Array:
+def _motor_angles(run: Log) -> Array:
     """Where the trunk's motors were, which the twin has to predict, and products of up to three."""
     return _products([run.columns[f"motor{n}_position"] for n in _MOTORS], 3)
 
 
-def _tendons(run: Recording) -> Array:
+def _tendons(run: Log) -> Array:
     """The nine tendons' displacements, and products of up to three."""
     return _products([values for name, values in run.columns.items() if "servo" in name], 3)
 
@@ -78,7 +78,7 @@ def _products(values: Sequence[Array], degree: int) -> Array:
     return np.stack([np.prod(each, axis=0) for each in chosen], axis=1)
 
 
-def _trunk(training: Sequence[Recording]) -> Kinds:
+def _trunk(training: Sequence[Log]) -> Kinds:
     """Commands as late as suits a linear map of the training runs best; and motor angles."""
 
     def left(delay: float) -> float:
@@ -92,7 +92,7 @@ def _trunk(training: Sequence[Recording]) -> Kinds:
     }
 
 
-KNOWN: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Recording]], Kinds]]] = {
+KNOWN: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Log]], Kinds]]] = {
     "xl330": (("position",), lambda _: {"goals and P gain": _xl330}),
     "jaw": (
         ("jaw_position",),
@@ -110,7 +110,7 @@ several reads what the twin has to predict
 
 
 def regressions(
-    rig: str, training: Sequence[Recording], judging: Sequence[Recording], metric: Metric
+    rig: str, training: Sequence[Log], judging: Sequence[Log], metric: Metric
 ) -> dict[str, float]:
     """Errors on the test runs, in the metric, by the inputs of the regression."""
     if rig not in KNOWN:
@@ -125,8 +125,8 @@ def regressions(
 def _score(
     features: Features,
     outputs: Sequence[str],
-    training: Sequence[Recording],
-    judging: Sequence[Recording],
+    training: Sequence[Log],
+    judging: Sequence[Log],
     metric: Metric,
 ) -> float:
     x, y = _all(features, training), _measured(outputs, training)
@@ -137,9 +137,9 @@ def _score(
     return metric.between(_measured(outputs, judging), predicted)
 
 
-def _all(features: Features, runs: Sequence[Recording]) -> Array:
+def _all(features: Features, runs: Sequence[Log]) -> Array:
     return np.concatenate([features(run) for run in runs])
 
 
-def _measured(outputs: Sequence[str], runs: Sequence[Recording]) -> Array:
+def _measured(outputs: Sequence[str], runs: Sequence[Log]) -> Array:
     return _all(lambda run: np.stack([run.columns[name] for name in outputs], axis=1), runs)

@@ -8,12 +8,12 @@ from typing import Any
 
 from experiments.measured.benchmark import BENCHMARKS, Benchmark, rig_of
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.rig import is_named
 from serpent_twin.numerals import counted
 from serpent_twin.sessions import refuse_repeated
+from serpent_twin.tables.log import Log
 
-Split = tuple[list[Recording], list[Recording]]
+Split = tuple[list[Log], list[Log]]
 """Runs to fit, and runs that judge"""
 
 
@@ -23,7 +23,7 @@ class Asked:
 
     splits: list[Split]
     """Splits of the machine as it was; with --held-out, what judges may be otherwise"""
-    changed: list[Recording]
+    changed: list[Log]
     """After something may have been changed"""
 
 
@@ -52,7 +52,7 @@ def asked(data: Path, held_out: str = "") -> dict[str, Asked]:
     return found
 
 
-def split(runs: Sequence[Recording], patterns: Sequence[str]) -> Split:
+def split(runs: Sequence[Log], patterns: Sequence[str]) -> Split:
     """Runs to fit, and runs that judge: those who have, or whose files have, a name of a pattern."""
     judging = [r for r in runs if any(is_named(r, p) for p in patterns)]
     training = [r for r in runs if r not in judging]
@@ -65,7 +65,7 @@ def split(runs: Sequence[Recording], patterns: Sequence[str]) -> Split:
     return training, judging
 
 
-def judged_by(judging: Sequence[Recording]) -> list[str]:
+def judged_by(judging: Sequence[Log]) -> list[str]:
     """The files that judge; of files that hold several runs, what the runs' names have in common."""
     if all(r.path and r.path.stem == r.name for r in judging):
         return [r.path.name for r in judging if r.path]
@@ -74,7 +74,7 @@ def judged_by(judging: Sequence[Recording]) -> list[str]:
     return ["".join(one for one, _ in same) + "*"]
 
 
-def inner(training: Sequence[Recording], bench: Benchmark) -> Split:
+def inner(training: Sequence[Log], bench: Benchmark) -> Split:
     """The split of training runs that chooses effects: the one in which most judge, or of one run."""
     if len(training) == 1:
         return by_time(training[0])
@@ -82,12 +82,12 @@ def inner(training: Sequence[Recording], bench: Benchmark) -> Split:
     return max(parts, key=lambda part: len(part[1]))
 
 
-def by_time(run: Recording, share: float = 0.6) -> Split:
+def by_time(run: Log, share: float = 0.6) -> Split:
     """The beginning of a run to fit, and its rest, which keeps its time, to judge."""
     rows = round(share * len(run))
     at = run.columns["time"][rows]
 
-    def part(which: slice, label: str) -> Recording:
+    def part(which: slice, label: str) -> Log:
         columns = {name: values[which] for name, values in run.columns.items()}
         return replace(run, columns=columns, label=label)
 
@@ -110,7 +110,7 @@ def _runs(data: Path, name: str) -> Split:
     return same, [r for r in runs if r not in same]
 
 
-def _patterns(runs: Sequence[Recording], bench: Benchmark) -> list[tuple[str, ...]]:
+def _patterns(runs: Sequence[Log], bench: Benchmark) -> list[tuple[str, ...]]:
     """The bench's splits, as far as there are runs of these names; else every fourth run judges."""
     known = [each for each in bench.splits if any(is_named(r, p) for r in runs for p in each)]
     return known or [tuple(r.path.name for r in runs[1::4] if r.path)]

@@ -129,7 +129,7 @@ def engine(plan: SweepPlan) -> dict[str, float]:
 def read(config: StiffnessSweep, plan: SweepPlan, folder: Path) -> list[Session]:
     """The sessions of an arm that are to be used."""
     sessions = machines.find("arm").read(folder)[: config.sessions or None]
-    return [session.rows(slice(0, plan.log_rows)) for session in sessions]
+    return [session[: plan.log_rows] for session in sessions]
 
 
 def arm(

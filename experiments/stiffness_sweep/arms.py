@@ -78,7 +78,7 @@ def placed(sessions: Sequence[Session], at: ChartPosition, plan: SweepPlan) -> d
     point = Placed(**usual, marker_noise=noise(sessions))
     readouts = (*plan.measuring.readouts, *plan.networks)
     twins = [pose.session(point, alike, n) for n in range(1, len(sessions) + 1)]
-    logs = [session.rows(slice(0, rows)) for session in sessions]
+    logs = [session[:rows] for session in sessions]
     mm = {who: errors(of, readouts) for who, of in (("logs", logs), ("twin", twins))}
     return {
         "place": asdict(at),

@@ -1,7 +1,6 @@
 """Look into a log that was imported: what its columns hold, and what is odd about them."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from serpent_twin.reporting.report import Table, text_table
 from serpent_twin.sessions.finding import Finding, rows_text, stretches
 from serpent_twin.tables import parquet
 from serpent_twin.tables.imported import KEY, TIME
+from serpent_twin.tables.log import Log
 
 _ADVICE = "Leave it out, or import it again."
 _UNEVEN = 0.5
@@ -31,29 +31,6 @@ class _Said(stored.OpenForm, frozen=True):
     held: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class ImportedLog:
-    """A log of another machine."""
-
-    path: Path
-    time: Array
-    """(T,) [s]"""
-    columns: Mapping[str, Array]
-    """(T,) each, without the time"""
-    units: Mapping[str, str]
-    """Of the columns, where they are known"""
-    held: frozenset[str]
-    """Columns that are commands, held until the next one"""
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    @property
-    def period(self) -> float:
-        """Time between rows [s]."""
-        return float(np.median(np.diff(self.time))) if len(self) > 1 else np.nan
-
-
 def is_other(path: Path) -> bool:
     """Whether a file is a Parquet log with a time that is no session log of the arm."""
     if tables.ending(path) != ".parquet" or not path.is_file():
@@ -65,7 +42,7 @@ def is_other(path: Path) -> bool:
     return TIME in schema.names and _OF_SESSIONS not in (schema.metadata or {})
 
 
-def read(path: Path) -> ImportedLog:
+def read(path: Path) -> Log:
     """The log of a file; raises a `SerpentError` that says what is wrong with it."""
     table = parquet.read(path, _ADVICE)
     raw = table.metadata.get(KEY)
@@ -73,12 +50,11 @@ def read(path: Path) -> ImportedLog:
     numbers = [name for name, values in table.columns.items() if values.dtype.kind in "fiub"]
     if TIME not in table.columns or table.rows < 2:
         raise SerpentError(f"{path} has no column {TIME!r} of several rows. {_ADVICE}")
-    columns = {name: table.numbers(name) for name in numbers if name != TIME}
-    held = frozenset(said.held)
-    return ImportedLog(path, table.numbers(TIME), columns, dict(table.units), held)
+    columns = {name: table.numbers(name) for name in numbers}
+    return Log(path, {"held": said.held}, columns, units=dict(table.units))
 
 
-def described(log: ImportedLog) -> str:
+def described(log: Log) -> str:
     """Rows, duration and rate of a log, and a line for each column."""
     span = float(log.time[-1] - log.time[0])
     head = (
@@ -88,11 +64,11 @@ def described(log: ImportedLog) -> str:
         (
             name,
             log.units.get(name, ""),
-            "command" if name in log.held else "reading",
+            "command" if name in log.metadata["held"] else "reading",
             *(f"{value:.4g}" for value in _range(values)),
             str(int(np.isnan(values).sum())),
         )
-        for name, values in log.columns.items()
+        for name, values in log.recorded.items()
     )
     return f"{head}\n{text_table(Table(('column', 'unit', 'kind', 'least', 'most', 'unknown'), lines))}"
 
@@ -102,13 +78,13 @@ def _range(values: Array) -> tuple[float, float]:
     return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
 
 
-def examined(log: ImportedLog) -> list[Finding]:
+def examined(log: Log) -> list[Finding]:
     """All findings, errors first; rows count from 0."""
     found = [*_of_clock(log), *_of_columns(log), *_alike(log)]
     return sorted(found, key=lambda each: ("error", "warning", "note").index(each.level))
 
 
-def _of_clock(log: ImportedLog) -> Iterator[Finding]:
+def _of_clock(log: Log) -> Iterator[Finding]:
     apart = np.diff(log.time)
     if (wrong := ~(apart > 0)).any():
         rows = rows_text(np.r_[False, wrong])
@@ -122,8 +98,8 @@ def _of_clock(log: ImportedLog) -> Iterator[Finding]:
         )
 
 
-def _of_columns(log: ImportedLog) -> Iterator[Finding]:
-    for name, values in log.columns.items():
+def _of_columns(log: Log) -> Iterator[Finding]:
+    for name, values in log.recorded.items():
         unknown = np.isnan(values)
         if unknown.all():
             yield Finding("error", f"{name} is unknown in every row. Leave it out of the map.")
@@ -137,15 +113,15 @@ def _of_columns(log: ImportedLog) -> Iterator[Finding]:
             )
         if np.nanmin(values) == np.nanmax(values):
             yield Finding("warning", f"{name} is {np.nanmin(values):g} in every row.")
-        if log.units.get(name) == "rad" and name not in log.held:
+        if log.units.get(name) == "rad" and name not in log.metadata["held"]:
             wraps = np.r_[False, np.abs(np.diff(values)) > _TURNS]
             if wraps.any():
                 yield Finding("warning", f"{name} jumps by about a turn in {rows_text(wraps)}.")
 
 
-def _alike(log: ImportedLog) -> Iterator[Finding]:
+def _alike(log: Log) -> Iterator[Finding]:
     """Columns that are the same in every row."""
-    names = list(log.columns)
+    names = list(log.recorded)
     for n, one in enumerate(names):
         for other in names[n + 1 :]:
             same = np.array_equal(log.columns[one], log.columns[other], equal_nan=True)

@@ -19,7 +19,7 @@ from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.score_test import scores
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.rig import Log, notes_on, read_logs
+from serpent_twin.machines.rig import notes_on, read_logs
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import text_table, versions_text, write
 from serpent_twin.residual import settled
@@ -28,6 +28,7 @@ from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import refuse_repeated
+from serpent_twin.tables.log import Log
 
 SETTINGS = "check.json"
 

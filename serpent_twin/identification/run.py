@@ -26,7 +26,7 @@ from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.summary import summary
 from serpent_twin.identification.uncertainty import drawn
-from serpent_twin.machines.rig import Log, is_named, notes_on, read_logs
+from serpent_twin.machines.rig import is_named, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import versions_text, write
 from serpent_twin.runs.files import finite, write_json
@@ -36,6 +36,7 @@ from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import refuse_repeated
 from serpent_twin.sim.exact_xml import first_comment
 from serpent_twin.stored import within
+from serpent_twin.tables.log import Log
 
 SETTINGS = "trace.json"
 _SESSIONS = Group("session")

@@ -27,15 +27,10 @@ from serpent_twin.machines.machine import (
     by_coordinate,
     effects_at,
 )
-from serpent_twin.machines.measured import (
-    Recording,
-    RunMachine,
-    Runs,
-    Turns,
-    hinge,
-    read_runs,
-)
+from serpent_twin.machines.measured import RunMachine, Turns, hinge, read_runs
 from serpent_twin.residual import ANGLE, TORQUE
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
 _JAW = 1e-5  # [kg m²] assumed: at 0.5 Hz, it makes less than 0.1 mN m
 _ANGLE_NOISE, _TORQUE_NOISE = 4e-4, 3e-4  # [rad], [N m] from rows' fourth differences
@@ -155,7 +150,7 @@ class Jaw(RunMachine):
         return spec
 
     def respond(
-        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: Segments, timestep: float | None = None
     ) -> Array:
         """Jaw angle and spindle torque, (D, S, T, 2)."""
         several = [effects_at(point) for point in points]
@@ -257,7 +252,7 @@ class _Cables(Turns):
         return self._stiffness[:, [self.batch.model.tendon(SHAFT).id]]
 
 
-def _approached(runs: Runs) -> tuple[Array, Array]:
+def _approached(runs: Segments) -> tuple[Array, Array]:
     """Spindle angles and load torques, each run begun by an even approach, (S, before + T)."""
     spindle, load = runs.column["spindle_position"], runs.column["jaw_torque"]
     away = np.sign(spindle[:, [min(20, spindle.shape[1] - 1)]] - spindle[:, :1])
@@ -275,11 +270,11 @@ class JawRig:
     name: str = "jaw"
     about: str = "a surgical tool's jaw on cables"
 
-    def read(self, source: Path) -> list[Recording]:
+    def read(self, source: Path) -> list[Log]:
         """The runs of a folder, or of one file."""
         return read_runs(source, _COLUMNS)
 
-    def open(self, training: Sequence[Recording]) -> Case[Runs]:
+    def open(self, training: Sequence[Log]) -> Case[Segments]:
         """The jaw's zero is where a rigid tool has it on average."""
         sums = [r.columns["jaw_position"] + r.columns["spindle_position"] for r in training]
         machine = replace(Jaw(), zero=float(np.mean(np.concatenate(sums))))

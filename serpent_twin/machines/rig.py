@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
+from serpent_twin.tables.log import Log
 
 if TYPE_CHECKING:
     from serpent_twin.machines.case import Case
@@ -22,35 +22,6 @@ _SAME_CLOCK = 1.02
 """Ratio of the times between two rows up to which two logs have one clock"""
 _CALIBRATION = ("direction", "zero", "homing_offset", "drive_mode")
 """Of the setup of a real arm's motors"""
-
-
-class Log(Protocol):
-    """One recording of a machine."""
-
-    @property
-    def path(self) -> Path | None:
-        """The file that it came from."""
-        ...
-
-    @property
-    def name(self) -> str:
-        """Its name in reports."""
-        ...
-
-    @property
-    def metadata(self) -> Mapping[str, Any]:
-        """The recorder's metadata."""
-        ...
-
-    @property
-    def time(self) -> Array:
-        """When each row was recorded [s], (T,)."""
-        ...
-
-    @property
-    def readings(self) -> Array:
-        """What the machine's own sensors read, row by row, (T, N)."""
-        ...
 
 
 def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:

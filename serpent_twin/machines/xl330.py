@@ -24,16 +24,11 @@ from serpent_twin.machines.machine import (
     by_coordinate,
     effects_at,
 )
-from serpent_twin.machines.measured import (
-    Recording,
-    RunMachine,
-    Runs,
-    Turns,
-    hinge,
-    read_runs,
-)
+from serpent_twin.machines.measured import RunMachine, Turns, hinge, read_runs
 from serpent_twin.residual import ANGLE
 from serpent_twin.stored import OpenForm, above
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
 _STALL, _SPEED, _VOLTAGE = 0.52, 103 * np.pi / 30, 5.0  # XL330-M288-T data sheet, at 5.0 V
 _TORQUE = _STALL / _VOLTAGE  # [N m/V]
@@ -153,7 +148,7 @@ class Xl330(RunMachine):
         return spec
 
     def respond(
-        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: Segments, timestep: float | None = None
     ) -> Array:
         """The horn's angle, (D, S, T, 1), from where each run begins."""
         turns = _turns(self, points, pieces)
@@ -201,7 +196,7 @@ class _Powered(Turns):
         self.biasprm = self.batch.expand("actuator_biasprm")
 
 
-def _turns(machine: Xl330, points: Sequence[ParameterVector], runs: Runs) -> _Powered:
+def _turns(machine: Xl330, points: Sequence[ParameterVector], runs: Segments) -> _Powered:
     """Rows of runs, points slow, runs fast."""
     models, several = [], []
     for point in points:
@@ -213,7 +208,7 @@ def _turns(machine: Xl330, points: Sequence[ParameterVector], runs: Runs) -> _Po
     return _Powered(models, several, np.tile(runs.period, len(points)))
 
 
-def _with_velocity(run: Recording) -> Recording:
+def _with_velocity(run: Log) -> Log:
     """With the angle's rate of change, where a simulation starts: the logged speed is 20 ms old."""
     from scipy.signal import savgol_filter
 
@@ -231,11 +226,11 @@ class Xl330Rig:
     name: str = "xl330"
     about: str = "a Dynamixel XL330 that swings a mass"
 
-    def read(self, source: Path) -> list[Recording]:
+    def read(self, source: Path) -> list[Log]:
         """The runs of a folder, or of one file."""
         return [_with_velocity(run) for run in read_runs(source, _COLUMNS, DriveSettings)]
 
-    def open(self, training: Sequence[Recording]) -> Case[Runs]:
+    def open(self, training: Sequence[Log]) -> Case[Segments]:
         """The data sheet's numbers are the first guess."""
         return Case(Xl330(), np.array([np.radians(3.0)]))
 

@@ -45,9 +45,9 @@ def _columns(path: Path, out: Path, more: Path | None) -> str:
 
     log = imported_log.read(path)
     if not _already_there(out, name := identity(path, None, None)):
-        rerun_columns.write(out, path.stem, log.time, log.columns, log.units, name)
+        rerun_columns.write(out, path.stem, log.time, log.recorded, log.units, name)
     return (
-        f"{path} is a log of another machine: its {counted(len(log.columns), 'column')} over time."
+        f"{path} is a log of another machine: its {counted(len(log.recorded), 'column')} over time."
     )
 
 

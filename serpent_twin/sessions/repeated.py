@@ -3,40 +3,20 @@
 import hashlib
 import itertools
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
+from serpent_twin.tables.log import Log
 
 SHARED = 10
 """Equal rows that make two logs one. Of 69 logs of nine simulated arms, the XL330, the jaw and the trunk, two
 pairs of one machine share a row, and none shares two."""
 
 
-class Read(Protocol):
-    """One log of any machine."""
-
-    @property
-    def path(self) -> Path | None:
-        """The file that it came from."""
-        ...
-
-    @property
-    def name(self) -> str:
-        """By which people call it."""
-        ...
-
-    @property
-    def readings(self) -> Array:
-        """What the machine's own sensors read, row by row, (T, N)."""
-        ...
-
-
-def refuse_repeated(logs: Sequence[Read]) -> None:
+def refuse_repeated(logs: Sequence[Log]) -> None:
     """Raise a `SerpentError` that names two logs which hold the same rows, if there are such.
 
     Rows are compared by their readings, as float32: whatever the clock, the markers, the metadata, the
@@ -59,7 +39,7 @@ def refuse_repeated(logs: Sequence[Read]) -> None:
         )
 
 
-def readings_hash(log: Read) -> str:
+def readings_hash(log: Log) -> str:
     """SHA-256 of what `refuse_repeated` compares, hexadecimal: the same for a log that was written anew."""
     return hashlib.sha256(b"".join(_rows(log.readings))).hexdigest()
 
@@ -70,5 +50,5 @@ def _rows(readings: Array) -> list[bytes]:
     return [row.tobytes() for row in exact]
 
 
-def _where(log: Read) -> str:
+def _where(log: Log) -> str:
     return str(log.path) if log.path and log.path.stem == log.name else log.name

@@ -1,7 +1,7 @@
 """Define the columns and metadata of a session log."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.tables.log import Log
 
 SCHEMA_VERSION = 1
 FEWEST_HZ, MOST_HZ = 1e-3, 1e5
@@ -43,56 +44,51 @@ COLUMNS: tuple[str, ...] = tuple(name for f in FIELDS.values() for name in f.col
 UNITS: Mapping[str, str] = {name: f.unit for f in FIELDS.values() for name in f.columns}
 
 
-@dataclass(frozen=True, eq=False)
-class Session:
-    """One session as arrays of T rows: a row's command acts between this row and the next."""
+class _Column:
+    """Read a column of a session as an attribute of its name."""
 
-    path: Path | None
-    """The file it came from; None for a session made in memory."""
-    metadata: dict[str, Any]
-    """schema_version, backend, arm, session, rate_hz, and whatever the recorder added."""
-    time: Array
-    """Controller clock when the motors were read [s], (T,)."""
-    motor_position: Array
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, session: Log, owner: type | None = None) -> Array:
+        return session.columns[self.name]
+
+
+@dataclass(frozen=True, eq=False)
+class Session(Log):
+    """One session of the arm: a row's command acts between this row and the next.
+
+    Its columns are those of `FIELDS`, of all motors or markers together, and further ones, (T,) each. Its
+    metadata are schema_version, backend, arm, session, rate_hz, and whatever the recorder added.
+    """
+
+    motor_position = _Column()
     """Measured motor angles, multi-turn [rad], (T, 10)."""
-    motor_velocity: Array
+    motor_velocity = _Column()
     """Measured [rad/s], (T, 10)."""
-    motor_load: Array
+    motor_load = _Column()
     """Fraction of the stall torque, −1 … 1, (T, 10)."""
-    motor_velocity_command: Array
+    motor_velocity_command = _Column()
     """Sent after this reading [rad/s], (T, 10)."""
-    joint_target: Array
+    joint_target = _Column()
     """The controller's target [rad], (T, 9)."""
-    marker: Array
+    marker = _Column()
     """Markers in the base frame [m], (T, 9, 3); NaN where lost."""
-    extra: dict[str, np.ndarray] = field(default_factory=dict)
-    """Further columns of the file by name, (T,) each."""
-    label: str = ""
-    """Its name, if it is not the file's."""
 
     def __post_init__(self) -> None:
+        where, rows = self.path or self.name, np.shape(self.columns.get("time", ()))[:1]
         if "rate_hz" in self.metadata:
-            rate_of(self.metadata, str(self.path or self.name))
-        expected = {name: (len(self.time), *f.shape) for name, f in FIELDS.items()}
-        found = {name: getattr(self, name).shape for name in FIELDS}
-        expected |= dict.fromkeys(self.extra, (len(self.time),))
-        found |= {name: np.shape(column) for name, column in self.extra.items()}
-        for name, shape in expected.items():
-            if found[name] != shape:
-                problem = f"{name} has shape {found[name]}, expected {shape}."
-                raise SerpentError(f"{self.path or self.name}: {problem}")
+            rate_of(self.metadata, str(where))
+        for name in {**FIELDS, **self.columns}:
+            found = np.shape(self.columns.get(name, ()))
+            expected = (*rows, *(FIELDS[name].shape if name in FIELDS else ()))
+            if found != expected:
+                raise SerpentError(f"{where}: {name} has shape {found}, expected {expected}.")
 
-    def __len__(self) -> int:
-        return len(self.time)
-
-    def __getitem__(self, rows: slice) -> "Session":
-        return self.rows(rows)
-
-    def rows(self, rows: slice) -> "Session":
-        """The session restricted to some rows, as views of the same arrays."""
-        arrays = {name: getattr(self, name)[rows] for name in FIELDS}
-        extra = {name: column[rows] for name, column in self.extra.items()}
-        return replace(self, **arrays, extra=extra)
+    @property
+    def extra(self) -> dict[str, Array]:
+        """Further columns of the file by name, (T,) each."""
+        return {name: values for name, values in self.columns.items() if name not in FIELDS}
 
     @property
     def name(self) -> str:
@@ -138,24 +134,25 @@ def rate_of(metadata: Mapping[str, Any], where: str) -> float:
 
 def session_from_rows(rows: Sequence[Mapping[str, Any]], metadata: dict[str, Any]) -> Session:
     """A session in memory out of rows, each a mapping of the names in `FIELDS` to arrays of one row."""
-    arrays = {name: np.array([row[name] for row in rows], float) for name in FIELDS}
-    return Session(path=None, metadata=metadata, **arrays, extra={}, label="")
+    return Session(
+        None, metadata, {name: np.array([row[name] for row in rows], float) for name in FIELDS}
+    )
 
 
 def session_from_columns(
     path: Path | None, metadata: dict[str, Any], columns: Mapping[str, np.ndarray]
 ) -> Session:
-    """A session out of flat columns, (T,) each; further ones become `extra`."""
-    arrays = {
+    """A session out of the flat columns of a file, (T,) each."""
+    wide = {
         name: np.stack([columns[c] for c in f.columns], axis=-1).reshape(-1, *f.shape)
         for name, f in FIELDS.items()
     }
     extra = {name: column for name, column in columns.items() if name not in UNITS}
-    return Session(path=path, metadata=metadata, **arrays, extra=extra, label="")
+    return Session(path, metadata, wide | extra)
 
 
 def columns_of(session: Session) -> dict[str, np.ndarray]:
     """The flat columns of a session, (T,) each: the 77 in the file's order, then the extra ones."""
-    flat = {name: getattr(session, name).reshape(len(session), -1) for name in FIELDS}
+    flat = {name: session.columns[name].reshape(len(session), -1) for name in FIELDS}
     columns = {c: flat[name][:, k] for name, f in FIELDS.items() for k, c in enumerate(f.columns)}
     return columns | session.extra

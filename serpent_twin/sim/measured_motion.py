@@ -22,16 +22,16 @@ class MeasuredMotion:
         """Part of the motion, by an index of leading axes."""
         return MeasuredMotion(self.motors[index], self.joint_angle[index])
 
-    def joint_velocity(self) -> Array:
-        """Of one session of T rows, from the rows before and after; 0 at the ends and beside gaps [rad/s],
-        (T, 9).
-        """
-        time, velocity = self.motors.time, np.zeros_like(self.joint_angle)
-        span = (time[2:] - time[:-2])[:, None]
-        velocity[1:-1] = (self.joint_angle[2:] - self.joint_angle[:-2]) / span
-        broken = np.flatnonzero(gaps(time))
-        velocity[broken], velocity[broken - 1] = 0.0, 0.0
-        return velocity
+
+def velocities(time: Array, angle: Array) -> Array:
+    """Velocities [rad/s] of angles (T, J) at times (T,) [s], from the rows before and after; 0 at the ends
+    and beside gaps.
+    """
+    velocity = np.zeros_like(angle)
+    velocity[1:-1] = (angle[2:] - angle[:-2]) / (time[2:] - time[:-2])[:, None]
+    broken = np.flatnonzero(gaps(time))
+    velocity[broken], velocity[broken - 1] = 0.0, 0.0
+    return velocity
 
 
 def gaps(time: Array) -> Array:

@@ -25,7 +25,6 @@ from serpent_twin.live.options import Estimate
 from serpent_twin.machines import jaw as tool
 from serpent_twin.machines import xl330
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.trunk.motion import Trunks
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import collect
@@ -36,6 +35,7 @@ from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import TIMESTEP, impose
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.tables.log import Log
 
 WORN = TwinModel(effects=(KNOWN["stiffness_drift"](0.5, carries=1.0),))
 HALF = TwinModel(replace(NOMINAL, strand_stiffness=0.5 * NOMINAL.strand_stiffness))
@@ -263,7 +263,7 @@ def test_a_memory_of_unsaid_length_is_refused():
 def test_effects_of_another_machine_are_refused_by_name():
     """No play in a servo without cables, no other torque of a drive that is where it is logged."""
     about, columns = pendulum(200, 0, 0, 0, seconds=0.1)
-    log = Recording(None, about, columns | {"velocity": 0 * columns["time"]})
+    log = Log(None, about, columns | {"velocity": 0 * columns["time"]})
     runs = xl330.MACHINE.open([]).pieces([log])
     start = ParameterVector(np.zeros(4))
     with pytest.raises(SerpentError, match=r"effect GearBacklash .* winch_angle cannot be changed"):
@@ -277,7 +277,7 @@ def test_effects_of_another_machine_are_refused_by_name():
     ):
         xl330.Xl330().respond([start.having("motor_latency", np.array([0.03]))], runs)
     about, columns = jaw(0.2, 0.1, 0.01, 0.1, 0.1, 0.0, seconds=0.1)
-    log = Recording(None, about, columns)
+    log = Log(None, about, columns)
     case = tool.MACHINE.open([log])
     with pytest.raises(SerpentError, match=r"effect TorqueSaturation .* drive_torque cannot be"):
         case.machine.respond(

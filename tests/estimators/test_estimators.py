@@ -25,14 +25,16 @@ def windows(seed: int, rows: int = 60) -> Windows:
     motor = np.cumsum(np.random.default_rng(seed).normal(0, 0.02, (rows, 10)), axis=0)
     arrays = {n: np.zeros((rows, 10)) for n in ("motor_velocity", "motor_load")}
     session = Session(
-        path=None,
-        metadata={"rate_hz": 4.0},
-        time=time,
-        joint_target=np.zeros((rows, 9)),
-        motor_position=motor,
-        motor_velocity_command=np.zeros((rows, 10)),
-        marker=markers(joint_from_motor(motor[:, :9])),
-        **arrays,
+        None,
+        {"rate_hz": 4.0},
+        {
+            "time": time,
+            "joint_target": np.zeros((rows, 9)),
+            "motor_position": motor,
+            "motor_velocity_command": np.zeros((rows, 10)),
+            "marker": markers(joint_from_motor(motor[:, :9])),
+            **arrays,
+        },
     )
     return cut([session], 4, drop=10)
 

@@ -113,8 +113,7 @@ def test_is_not_lost_by_motors_that_reboot():
     session = Session(
         None,
         {"schema_version": 1, "backend": "sim", "arm": "x", "session": 1, "rate_hz": 4.0},
-        time=time,
-        **{name: np.array([row[name] for row in rows]) for name in FIELDS if name != "time"},
+        {name: np.array([row[name] for row in rows]) for name in FIELDS} | {"time": time},
     )
     readout = trained([session, session])
     assert error_mm(readout, windows(session, drop=108)) < 1.0

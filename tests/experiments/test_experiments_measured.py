@@ -19,8 +19,8 @@ from experiments.measured import result_page as measured_page
 from experiments.measured import split as measured_split
 from experiments.measured.benchmark import BENCHMARKS
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording
 from serpent_twin.residual import Comparison
+from serpent_twin.tables.log import Log
 
 traced = measured_traces.traced
 
@@ -100,9 +100,7 @@ def recorded(name):
 
 
 def test_runs_of_one_file_are_told_by_what_their_names_share():
-    runs = [
-        Recording(Path("all.csv"), {}, {}, f"rep1_pair23_{n}") for n in ("opp_dir0", "same_dir60")
-    ]
+    runs = [Log(Path("all.csv"), {}, {}, f"rep1_pair23_{n}") for n in ("opp_dir0", "same_dir60")]
     assert measured_split.judged_by(runs) == ["rep1_pair23_*"]
     assert measured_split.judged_by([recorded("a"), recorded("b")]) == ["a.parquet", "b.parquet"]
 
@@ -162,7 +160,7 @@ def test_the_tips_error_is_the_last_markers_distance():
 
 
 def test_a_regression_finds_how_late_the_trunk_follows():
-    runs = [Recording(None, *trunk(seconds=60, seed=n), f"{n}") for n in range(2)]
+    runs = [Log(None, *trunk(seconds=60, seed=n), f"{n}") for n in range(2)]
     off = measured_regression.regressions("trunk", runs[:1], runs[1:], measured_metric.TIP_RMS)
     linear, quadratic, angles = off
     assert (linear, quadratic) == (

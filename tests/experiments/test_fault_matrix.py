@@ -1,7 +1,7 @@
 """Test that the fault matrix detects a row that is wrong, old, lost, or commanded otherwise."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -39,14 +39,14 @@ def test_one_wrong_word_in_one_row_is_noticed(run):
     _, session, events = run
     load = session.motor_load.copy()
     load[7, 3] += 0.001
-    assert counts(replace(session, motor_load=load), events)["wrong"] == 1
+    assert counts(session.having(motor_load=load), events)["wrong"] == 1
 
 
 def test_a_lost_turn_is_noticed(run):
     _, session, events = run
     position = session.motor_position.copy()
     position[30:, 3] += 2 * np.pi
-    assert counts(replace(session, motor_position=position), events)["wrong"] == 10
+    assert counts(session.having(motor_position=position), events)["wrong"] == 10
 
 
 def test_a_row_of_old_readings_is_noticed(run):
@@ -58,7 +58,7 @@ def test_a_row_of_old_readings_is_noticed(run):
     tick = session.extra["motor1_tick_ms"].copy()
     for array in (*old.values(), tick):
         array[20] = array[15]
-    stale = replace(session, **old, extra=session.extra | {"motor1_tick_ms": tick})
+    stale = session.having(**old, motor1_tick_ms=tick)
     assert counts(stale, events)["stale"] == 1
 
 
@@ -68,7 +68,7 @@ def test_a_command_that_was_never_in_force_is_noticed(run):
     quiet = int(np.flatnonzero(session.extra["recoveries"][1:] == 0)[3])
     command[quiet] += 0.1
     before = counts(session, events)
-    after = counts(replace(session, motor_velocity_command=command), events)
+    after = counts(session.having(motor_velocity_command=command), events)
     assert after["wrong"] == before["wrong"] + 1
 
 

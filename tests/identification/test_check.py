@@ -85,7 +85,7 @@ def changed(folder, change, files=None):
 
 def test_logs_without_markers_are_refused(tmp_path, capsys):
     def blind(session):
-        return replace(session, marker=np.full_like(session.marker, np.nan))
+        return session.having(marker=np.full_like(session.marker, np.nan))
 
     status, _, said = run(capsys, "--logs", changed(tmp_path / "blind", blind, 1))
     assert status == 2 and "marker" in said.lower()

@@ -95,7 +95,7 @@ def test_a_motor_that_never_turns_is_named_and_nothing_is_told_of_its_strands(ro
     name = f"motor {STILL + 1}"
     write_session(
         tmp_path / "session_01.parquet",
-        replace(session, motor_position=angle, motor_velocity=velocity),
+        session.having(motor_position=angle, motor_velocity=velocity),
     )
     found = check(Check((tmp_path,)))
     assert [each.name for each in found.inputs if each.still] == [name]

@@ -123,7 +123,7 @@ def test_logs_without_markers_are_refused(logs, tmp_path):
     blind = changed(
         logs["base_tilt"],
         tmp_path / "blind",
-        lambda s: replace(s, marker=np.full_like(s.marker, np.nan)),
+        lambda s: s.having(marker=np.full_like(s.marker, np.nan)),
     )
     with pytest.raises(SerpentError, match="No marker was seen"):
         trace(Trace((blind,), tmp_path / "out"))
@@ -132,7 +132,9 @@ def test_logs_without_markers_are_refused(logs, tmp_path):
 def test_logs_that_say_they_have_no_markers_are_refused(logs, tmp_path):
     def blind(session):
         metadata = {**session.metadata, "markers": "none"}
-        return replace(session, marker=np.full_like(session.marker, np.nan), metadata=metadata)
+        return replace(
+            session.having(marker=np.full_like(session.marker, np.nan)), metadata=metadata
+        )
 
     with pytest.raises(SerpentError, match=r"no markers|No marker"):
         trace(Trace((changed(logs["base_tilt"], tmp_path / "blind", blind),), tmp_path / "out"))
@@ -140,7 +142,7 @@ def test_logs_that_say_they_have_no_markers_are_refused(logs, tmp_path):
 
 def test_logs_of_another_machine_are_refused(logs, tmp_path):
     foreign = changed(
-        logs["base_tilt"], tmp_path / "foreign", lambda s: replace(s, marker=1.2 * s.marker)
+        logs["base_tilt"], tmp_path / "foreign", lambda s: s.having(marker=1.2 * s.marker)
     )
     with pytest.raises(SerpentError, match=r"1\.(19|20)\d times as far apart"):
         trace(Trace((foreign,), tmp_path / "out"))
@@ -173,7 +175,7 @@ def test_motors_that_never_move_show_nothing(logs, tmp_path):
         first = {
             n: np.repeat(getattr(session, n)[:1], len(session), 0) for n in ("motor_position",)
         }
-        return replace(session, **first, motor_velocity=np.zeros_like(session.motor_velocity))
+        return session.having(**first, motor_velocity=np.zeros_like(session.motor_velocity))
 
     rig = ArmRig()
     case = rig.open(rig.read(changed(logs["base_tilt"], tmp_path / "still", still))[:2])

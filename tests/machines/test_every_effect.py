@@ -25,13 +25,15 @@ from serpent_twin.machines import trunk, xl330
 from serpent_twin.machines.arm.catalogue import CATALOGUE, LEFT_OUT
 from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.machines.measured import HingeMoment, Recording, cut
+from serpent_twin.machines.measured import HingeMoment
 from serpent_twin.machines.model import machine as model_machine
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.starts import with_starts
 from serpent_twin.sim.many_twins import impose
 from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Piece, cut
 
 _S = wander(6, pace=0.06)
 MOVED = replace(_S, motors=replace(_S.motors, time=100.0 + _S.motors.time))
@@ -65,7 +67,12 @@ def _points(machine, several):
 
 
 def _bench(module, machine, *logs, every=1):
-    runs = cut(logs, machine.columns, [each.name for each in machine.outputs], every)
+    runs = cut(
+        [Piece.whole(log) for log in logs],
+        machine.columns,
+        [each.name for each in machine.outputs],
+        every,
+    )
 
     def respond(*several):
         with pytest.MonkeyPatch.context() as patch:  # zero is zero, not just off it
@@ -76,15 +83,13 @@ def _bench(module, machine, *logs, every=1):
 
 
 def _jaw():
-    logs = [
-        Recording(None, *jaw(0.4, load, 0.02, 0.2, 0.5, 0.01, seconds=1)) for load in (0.05, 0.1)
-    ]
+    logs = [Log(None, *jaw(0.4, load, 0.02, 0.2, 0.5, 0.01, seconds=1)) for load in (0.05, 0.1)]
     return _bench(tool, replace(tool.Jaw(), zero=1.4), *logs, every=2)
 
 
 def _servo():
     made = [pendulum(kp, 0.01, 0.002, 0.1, seconds=1, seed=kp) for kp in (100, 400)]
-    logs = [Recording(None, about, c | {"velocity": 0 * c["time"]}) for about, c in made]
+    logs = [Log(None, about, c | {"velocity": 0 * c["time"]}) for about, c in made]
     return _bench(xl330, xl330.Xl330(), *logs)
 
 
@@ -105,7 +110,7 @@ def _model():
     time = np.arange(0.0, 0.5, 0.02)
     goal = {f"goal_{n}": 0.5 * np.sin(2 * np.pi * n * time) for n in (1, 2)}
     angle = {f"angle_{n}": 0.5 * goal[f"goal_{n}"] for n in (1, 2)}
-    log = with_starts(rig.described, Recording(None, {}, {"time": time, **goal, **angle}))
+    log = with_starts(rig.described, Log(None, {}, {"time": time, **goal, **angle}))
     return _bench(model_machine, rig.open([log]).machine, log)
 
 
@@ -117,7 +122,7 @@ def _tendon():
     time = np.arange(0.0, 0.5, 0.02)
     told = {"pulled": 0.05 * np.sin(2 * np.pi * time), "current": 0.1 * np.cos(7 * time)}
     angle = {"angle_1": 9 * told["pulled"], "angle_2": 0.1 * np.sin(7 * time)}
-    log = with_starts(rig.described, Recording(None, {}, {"time": time, **told, **angle}))
+    log = with_starts(rig.described, Log(None, {}, {"time": time, **told, **angle}))
     return _bench(model_machine, rig.open([log]).machine, log)
 
 
@@ -293,7 +298,7 @@ def test_stribeck_is_what_the_spindle_feels(speed):
     time = np.arange(0, 1, 0.005)
     none = np.zeros_like(time)
     names = ("time", "spindle_position", "jaw_torque", "jaw_position", "spindle_torque")
-    run = Recording(None, {}, dict(zip(names, (time, speed * time, none, none, none), strict=True)))
+    run = Log(None, {}, dict(zip(names, (time, speed * time, none, none, none), strict=True)))
     several = (KNOWN["hinge_friction"](0.03, 0.0), KNOWN["stribeck"](0.04, 0.2))
     torque = _bench(tool, tool.Jaw(), run, every=2).respond(several).reshape(-1, 2)[50:, 1]
     assert_allclose(torque, -(0.03 + 0.04 * np.exp(-speed / 0.2)), rtol=0.01)

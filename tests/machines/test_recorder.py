@@ -26,7 +26,7 @@ def test_finds_the_gain_that_made_the_commands(logs):
 
 def test_commands_of_another_controller_leave_the_gain_as_it_was(logs):
     rng = np.random.default_rng(0)
-    other = [replace(s, motor_velocity_command=rng.normal(size=(len(s), 10))) for s in logs]
+    other = [s.having(motor_velocity_command=rng.normal(size=(len(s), 10))) for s in logs]
     assert controller_gain(other) is None
     kept = recorded_by(NOMINAL, other, 3e-4)
     assert kept == replace(NOMINAL, marker_noise=3e-4, servo_lag=kept.servo_lag)
@@ -38,5 +38,5 @@ def test_finds_how_late_the_servos_obey(logs):
 
 
 def test_motors_that_were_never_commanded_tell_nothing(logs):
-    still = [replace(s, motor_velocity_command=0 * s.motor_velocity_command) for s in logs]
+    still = [s.having(motor_velocity_command=0 * s.motor_velocity_command) for s in logs]
     assert controller_gain(still) is None

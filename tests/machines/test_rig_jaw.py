@@ -11,7 +11,7 @@ from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.jaw import MACHINE
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Recording
+from serpent_twin.tables.log import Log
 
 MEASURED = DATA / "jaw"
 measured = pytest.mark.skipif(not MEASURED.is_dir(), reason=WHERE)
@@ -20,7 +20,7 @@ START = ParameterVector(np.zeros(4))
 
 def opened(*made):
     """The rig's case on runs made by `jaw`, and the runs."""
-    several = [Recording(None, about, columns) for about, columns in made]
+    several = [Log(None, about, columns) for about, columns in made]
     case = MACHINE.open(several)
     return case, case.pieces(several)
 

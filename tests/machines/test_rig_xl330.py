@@ -10,8 +10,8 @@ from serpent_twin.identification import Trace, trace
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.xl330 import MACHINE, Xl330
+from serpent_twin.tables.log import Log
 
 START = ParameterVector(np.zeros(4))
 MEASURED = DATA / "xl330"
@@ -23,7 +23,7 @@ def runs(*made):
     case = MACHINE.open([])
     still = [columns | {"velocity": 0 * columns["time"]} for _, columns in made]
     several = zip(made, still, strict=True)
-    return case, case.pieces([Recording(None, about, columns) for (about, _), columns in several])
+    return case, case.pieces([Log(None, about, columns) for (about, _), columns in several])
 
 
 def test_off_and_without_friction_it_swings_like_a_pendulum():

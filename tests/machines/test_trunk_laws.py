@@ -14,11 +14,11 @@ from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import cut
 from serpent_twin.machines.measured.twin_file import read_twin
 from serpent_twin.machines.trunk import MACHINE, Trunk
 from serpent_twin.machines.trunk.motion import CHANGED, PLACES, TrunkMoment
 from serpent_twin.machines.trunk.shape import GOALS, SEEN
+from serpent_twin.tables.segments import Piece, cut
 
 
 def numbers(*size, first=0.0):
@@ -28,7 +28,9 @@ def numbers(*size, first=0.0):
 
 def runs_of(machine, run):
     """A run as it is, with what is seen of it."""
-    return cut([run], machine.columns, [each.name for each in machine.outputs], machine.every)
+    return cut(
+        [Piece.whole(run)], machine.columns, [each.name for each in machine.outputs], machine.every
+    )
 
 
 def one(rows=3):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model import open_machine
+from serpent_twin.tables.log import Log
 
 MJCF = """<mujoco>
   <compiler angle="{angle}"/>
@@ -57,7 +57,7 @@ def changed(folder: Path, number: str, of: str, by: float, angle="radian"):
     swing = np.c_[time, moved, np.outer(moved, np.ones(3))]  # the tip is not looked at
     log.write_text("t,current,x,y,z\n" + "\n".join(",".join(map(str, row)) for row in swing))
     (run,) = rig.read(log)
-    assert isinstance(run, Recording)
+    assert isinstance(run, Log)
     machine = rig.open([run]).machine
     names = [each.name for each in machine.declared]
     at = np.zeros(len(names))

@@ -114,7 +114,7 @@ def test_stiff_cables_make_the_analytical_pose_exact():
 def test_the_analytical_pose_needs_no_zero_when_it_has_first_markers():
     session = make_session(1, give=0.0)
     offset = session.motor_position + np.cumsum(np.linspace(-0.15, 0.15, 10))
-    moved = win.cut([replace(session, motor_position=offset)], 4)
+    moved = win.cut([session.having(motor_position=offset)], 4)
     assert error_mm(find("analytical")(), moved) < 1e-6
 
 

@@ -1,6 +1,5 @@
 """Test that windows hold what was published, and that a damaged session is left out."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -51,7 +50,7 @@ def test_a_lost_turn_count_is_named_with_file_row_and_motor():
     session = make_session(1)
     position = session.motor_position.copy()
     position[200:, 2] -= 2 * np.pi
-    broken = replace(session, motor_position=position)
+    broken = session.having(motor_position=position)
     with pytest.raises(SerpentError, match=r"session_01: motor3_position jumps .* row 200"):
         win.cut([broken], 4)
 

@@ -1,7 +1,5 @@
 """Test that the recording holds what the log, the twin and the readout hold."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from paths import DATA
@@ -38,7 +36,8 @@ def make_session(rng, lost=((2, LOST),)):
     velocity = np.gradient(motor, time, axis=0)
     load = rng.uniform(-0.2, 0.2, (T, N_MOTORS))
     about = {"schema_version": 1, "backend": "sim", "arm": "swing", "session": 1, "rate_hz": 4.0}
-    return sessions.Session(None, about, time, motor, velocity, load, velocity, q, seen)
+    arrays = time, motor, velocity, load, velocity, q, seen
+    return sessions.Session(None, about, dict(zip(sessions.FIELDS, arrays, strict=True)))
 
 
 def column(path, entity, component):
@@ -188,7 +187,7 @@ def test_a_known_force_is_an_arrow_from_the_middle_of_its_link_while_it_acts(tmp
         "push_y": -1.0 * acts,
         "push_z": 0.0 * acts,
     }
-    session = dataclasses.replace(session, extra=known)
+    session = session.having(**known)
     moved = twin.replay_motors(session.time, session.motor_position)
     rerun_recording.write(tmp_path / "pushed.rrd", session, moved)
     _, _, vectors = column(tmp_path / "pushed.rrd", "/arm/push", "Arrows3D:vectors")
@@ -204,7 +203,7 @@ def test_a_known_force_is_an_arrow_from_the_middle_of_its_link_while_it_acts(tmp
 
 def test_a_log_of_another_arm_replays(tmp_path):
     path = DATA / "arm_a/session_04.parquet"
-    session = sessions.read_session(path).rows(slice(0, 60))
+    session = sessions.read_session(path)[:60]
     moved = twin.replay_motors(session.time, session.motor_position)
     rerun_recording.write(tmp_path / "bench.rrd", session, moved, arm=ARM)
     step, _, points = column(tmp_path / "bench.rrd", "/markers/twin/marker9", "Points3D:positions")
@@ -219,7 +218,7 @@ def overlaid(tmp_path_factory):
     twin_model.write(folder / "twin.json", heavy, {"arm": "swing"})
     session = make_session(np.random.default_rng(2))
     moved = twin.replay_motors(session.time, session.motor_position, heavy)
-    session = dataclasses.replace(session, marker=moved.marker.copy())
+    session = session.having(marker=moved.marker.copy())
     session.marker[list(LOST), 2] = np.nan
     sessions.write_session(folder / "session_01.parquet", session)
     replay.main(folder / "session_01.parquet", folder / "both.rrd", twin=folder / "twin.json")

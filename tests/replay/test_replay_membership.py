@@ -54,7 +54,7 @@ def test_a_copy_by_another_name_is_told_by_what_its_motors_read(trained, tmp_pat
     write_session(copy, read_session(trained / "logs/session_01.parquet"))
     text, _ = replayed(copy, trained / "out/models/residual", tmp_path / "a.rrd", capsys)
     assert "session_77 is in the training set of residual" in text
-    other = read_session(trained / "logs/session_05.parquet").rows(slice(0, 200))
+    other = read_session(trained / "logs/session_05.parquet")[:200]
     write_session(tmp_path / "session_78.parquet", replace(other, path=None))
     text, _ = replayed(
         tmp_path / "session_78.parquet", trained / "out/models/residual", tmp_path / "b.rrd", capsys

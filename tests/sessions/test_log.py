@@ -1,7 +1,6 @@
 """Test that a session log holds what was written, and that an unusable file is refused."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +43,7 @@ def sealed(tmp_path: Path) -> Path:
 
 def test_a_written_session_is_read_back_exactly(tmp_path):
     session = make_session()
-    session = replace(session, extra={"voltage": np.linspace(11, 12, len(session))})
+    session = session.having(voltage=np.linspace(11, 12, len(session)))
     path = sessions.write_session(tmp_path / "session_04.parquet", session)
     back = sessions.read_session(path)
     assert_same(session, back)

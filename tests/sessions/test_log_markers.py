@@ -27,7 +27,7 @@ ROWS = 240
 @pytest.fixture(scope="module")
 def sessions():
     """Four short sessions of an arm that is not the twin, without fault."""
-    return [read_session(path).rows(slice(0, ROWS)) for path in sorted(DATA.glob("*.parquet"))]
+    return [read_session(path)[:ROWS] for path in sorted(DATA.glob("*.parquet"))]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def folder(path, sessions, fault):
     path.mkdir()
     for number, session in enumerate(sessions, 1):
         marker = fault.change(session.marker) if number == 2 else session.marker
-        write_session(path / f"session_{number:02d}.parquet", replace(session, marker=marker))
+        write_session(path / f"session_{number:02d}.parquet", session.having(marker=marker))
     return path
 
 
@@ -72,7 +72,7 @@ def test_train_and_trace_refuse_the_session_and_name_its_fault(name, sessions, t
 @pytest.mark.parametrize("name", FAULTS)
 def test_merge_refuses_the_take_and_writes_nothing(name, sessions, take, tmp_path):
     fault, (frame, place) = FAULTS[name], take
-    blind = replace(sessions[0], marker=np.full_like(sessions[0].marker, np.nan))
+    blind = sessions[0].having(marker=np.full_like(sessions[0].marker, np.nan))
     path = write_session(tmp_path / "session_01.parquet", blind)
     names = [f"{n}" for n in range(1, 10)]
     csv = write_take(tmp_path / "take.csv", frame, names, CAMERAS.apply(fault.change(place)))
@@ -85,7 +85,7 @@ def test_merge_refuses_the_take_and_writes_nothing(name, sessions, take, tmp_pat
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_check_names_the_fault_as_an_error(name, sessions):
-    session = replace(sessions[1], marker=FAULTS[name].change(sessions[1].marker))
+    session = sessions[1].having(marker=FAULTS[name].change(sessions[1].marker))
     assert [text for text in errors(session) if re.search(FAULTS[name].says, text)], errors(session)
 
 
@@ -109,7 +109,7 @@ def test_good_logs_pass_with_assembly_tolerances_and_all(sessions):
         _, turn = link_frames(joint)
         glued = session.marker + (turn @ rng.uniform(-3e-3, 3e-3, (9, 3))[:, :, None])[..., 0]
         lean = np.eye(3) + np.cross(np.eye(3), np.radians(rng.uniform(-1, 1, 3)))
-        assert not errors(replace(session, marker=1.003 * glued @ lean.T))
+        assert not errors(session.having(marker=1.003 * glued @ lean.T))
 
 
 @pytest.mark.parametrize("arm", sorted(p.name for p in SHARED.glob("arm_*")) or ["none"])
@@ -122,10 +122,10 @@ def test_every_arm_that_was_logged_passes(arm):
 
 def test_a_fault_in_some_rows_is_told_with_them_and_a_moment_is_a_warning(sessions):
     session = sessions[0]
-    part = replace(session, marker=swapped(3, 5, rows=slice(100, 160))(session.marker))
+    part = session.having(marker=swapped(3, 5, rows=slice(100, 160))(session.marker))
     (text,) = errors(part)
     assert text.startswith("Markers 3 and 5 are swapped, in rows 100–159.")
-    brief = replace(session, marker=swapped(3, 5, rows=slice(100, 103))(session.marker))
+    brief = session.having(marker=swapped(3, 5, rows=slice(100, 103))(session.marker))
     assert not errors(brief)
     assert any("in rows 100–102: one was mistaken" in f.text for f in examine(brief))
 
@@ -133,20 +133,20 @@ def test_a_fault_in_some_rows_is_told_with_them_and_a_moment_is_a_warning(sessio
 def test_old_frames_and_another_sessions_markers_are_found(sessions):
     session, frozen = sessions[0], sessions[0].marker.copy()
     frozen[60:120] = frozen[60]
-    (text,) = errors(replace(session, marker=frozen))
+    (text,) = errors(session.having(marker=frozen))
     assert "keep the same numbers in rows 61–119 while the motors move" in text
-    (text,) = errors(replace(session, marker=sessions[1].marker))
+    (text,) = errors(session.having(marker=sessions[1].marker))
     assert text.startswith("The markers do not move as the motors do")
 
 
 def test_logs_without_markers_and_with_gaps_are_no_error(sessions):
     session = sessions[0]
-    none = replace(session, marker=np.full_like(session.marker, np.nan))
+    none = session.having(marker=np.full_like(session.marker, np.nan))
     assert not errors(replace(none, metadata=session.metadata | {"markers": "none"}))
     gap = session.marker.copy()
     gap[:100, 8] = np.nan
-    assert not errors(replace(session, marker=gap))
-    refuse_damaged([replace(session, marker=gap)])
+    assert not errors(session.having(marker=gap))
+    refuse_damaged([session.having(marker=gap)])
 
 
 @pytest.mark.parametrize(
@@ -154,11 +154,11 @@ def test_logs_without_markers_and_with_gaps_are_no_error(sessions):
 )
 def test_absurd_numbers_are_refused_without_a_warning_of_numpy(change, sessions):
     with np.errstate(all="raise"):
-        assert errors(replace(sessions[0], marker=change(sessions[0].marker)))
+        assert errors(sessions[0].having(marker=change(sessions[0].marker)))
 
 
 def test_random_markers_are_of_no_single_fault(sessions):
     marker = np.random.default_rng(0).uniform(-0.5, 0.5, sessions[0].marker.shape)
-    (text,) = errors(replace(sessions[0], marker=marker))
+    (text,) = errors(sessions[0].having(marker=marker))
     assert "no single fault of scale, frame, order or place explains it" in text
-    assert errors(replace(sessions[0], marker=standing(1)(sessions[0].marker)))
+    assert errors(sessions[0].having(marker=standing(1)(sessions[0].marker)))

@@ -154,7 +154,7 @@ def test_markers_of_a_log_are_replaced_only_if_asked(recording, tmp_path):
     live[::2] = np.nan
     extra = {name: np.ones(len(session)) for name in ("camera_time", "marker_age", "recoveries")}
     metadata = session.metadata | {"markers": "natnet"}
-    session = replace(session, marker=live, extra=extra, metadata=metadata)
+    session = replace(session.having(marker=live, **extra), metadata=metadata)
     with pytest.raises(SerpentError, match=r"holds markers already, in 50%.*natnet.*--replace"):
         merged(tmp_path, session, take)
     result = merged(tmp_path, session, take, replace=True)
@@ -193,7 +193,7 @@ def test_a_folder_goes_on_after_a_one_row_session(recording, tmp_path):
     take = write_take(tmp_path / "take.csv", frame, NAMES, seen)
     logs = tmp_path / "logs"
     logs.mkdir()
-    write_session(logs / "session_01.parquet", session.rows(slice(0, 1)))
+    write_session(logs / "session_01.parquet", session[:1])
     write_session(logs / "session_02.parquet", session)
     done = []
     with pytest.raises(SerpentError, match=r"1 not merged\. session_01.*lasts 0\.00 s"):

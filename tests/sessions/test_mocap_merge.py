@@ -180,7 +180,7 @@ def test_fast_rows_are_merged_too(tmp_path):
 def test_an_arm_unlike_the_twin_is_found_with_an_honest_error(tmp_path):
     if not BENCH.exists():
         pytest.skip(f"there is no {BENCH}")
-    log = read_session(BENCH).rows(slice(0, 600))
+    log = read_session(BENCH)[:600]
     truth = log.marker.reshape(len(log), -1).copy()
     for column in truth.T:
         known = np.isfinite(column)
@@ -191,7 +191,7 @@ def test_an_arm_unlike_the_twin_is_found_with_an_honest_error(tmp_path):
     order = [3, 1, 8, 0, 5, 2, 7, 4, 6]
     take = write_take(tmp_path / "t.csv", frame, names, seen[:, order])
     CAMERAS.inverse().save(tmp_path / "frame.json")
-    blind = replace(log, marker=np.full_like(log.marker, np.nan))
+    blind = log.having(marker=np.full_like(log.marker, np.nan))
     result = merged(tmp_path, blind, take, frame=tmp_path / "frame.json")
     check_clock(result, 70.02, most=25e-3)
     assert result.metadata["mocap"]["labels"] == [names[order.index(n)] for n in range(9)]

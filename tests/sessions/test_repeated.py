@@ -21,7 +21,7 @@ from experiments.sim_to_real.twins import QUICK
 from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
-from serpent_twin.machines.measured import Recording
+from serpent_twin.tables.log import Log
 from serpent_twin.training.train import Train, train
 
 LOGS = DATA / "arm_a"
@@ -55,13 +55,11 @@ def changed(session: sessions.Session) -> dict[str, sessions.Session]:
     """A session as another might hand it on."""
     rows = slice(120, 180)
     return {
-        "markers put in anew": replace(session, marker=session.marker + 0.01),
-        "another clock": replace(session, time=session.time + 1e3),
-        "its middle": session.rows(rows),
-        "every third row": replace(
-            session.rows(slice(None, None, 3)), metadata=session.metadata | {"rate_hz": 4 / 3}
-        ),
-        "other commands": replace(session, joint_target=0 * session.joint_target),
+        "markers put in anew": session.having(marker=session.marker + 0.01),
+        "another clock": session.having(time=session.time + 1e3),
+        "its middle": session[rows],
+        "every third row": replace(session[::3], metadata=session.metadata | {"rate_hz": 4 / 3}),
+        "other commands": session.having(joint_target=0 * session.joint_target),
     }
 
 
@@ -94,7 +92,7 @@ def test_sessions_of_one_arm_are_not_taken_for_each_other():
     sessions.refuse_repeated([one, two])
     logged = sessions.read_folder(LOGS)
     sessions.refuse_repeated(logged)
-    halves = [logged[0].rows(slice(1000)), logged[0].rows(slice(1000, None))]
+    halves = [logged[0][:1000], logged[0][1000:]]
     sessions.refuse_repeated(halves)
 
 
@@ -135,7 +133,7 @@ def twice(tmp_path) -> Path:
     first = make_session(1)
     for session in (first, make_session(2)):
         write(folder, session)
-    part = first.rows(slice(0, 300))
+    part = first[:300]
     sessions.write_session(folder / "session_03.parquet", replace(part, path=None))
     return folder
 
@@ -163,8 +161,7 @@ def test_experiments_refuse_them(twice, tmp_path):
 def test_runs_of_other_machines_are_compared_by_all_that_they_measured(tmp_path):
     rng, time = np.random.default_rng(0), np.arange(200) / 100
     runs = [
-        Recording(None, {}, {"time": time, "angle": rng.normal(size=200)}, f"run {n}")
-        for n in (1, 2)
+        Log(None, {}, {"time": time, "angle": rng.normal(size=200)}, f"run {n}") for n in (1, 2)
     ]
     sessions.refuse_repeated(runs)
     late = {name: values[50:] for name, values in runs[0].columns.items()}

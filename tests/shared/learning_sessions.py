@@ -27,21 +27,23 @@ def make_session(
     marker = geometry.markers(joint[:, :9] + give * load[:, :9])
     marker[rng.random((rows, 9)) < lost] = np.nan
     return sessions.Session(
-        path=None,
-        metadata={
+        None,
+        {
             "schema_version": 1,
             "backend": "sim",
             "arm": "x",
             "session": number,
             "rate_hz": 4.0,
         },
-        time=clock,
-        motor_position=motor,
-        motor_velocity=np.gradient(motor, 0.25, axis=0),
-        motor_load=load,
-        motor_velocity_command=np.gradient(motor, 0.25, axis=0) + rng.normal(0, 0.01, (rows, 10)),
-        joint_target=joint[:, :9],
-        marker=marker,
+        {
+            "time": clock,
+            "motor_position": motor,
+            "motor_velocity": (speed := np.gradient(motor, 0.25, axis=0)),
+            "motor_load": load,
+            "motor_velocity_command": speed + rng.normal(0, 0.01, (rows, 10)),
+            "joint_target": joint[:, :9],
+            "marker": marker,
+        },
     )
 
 

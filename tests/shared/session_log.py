@@ -20,15 +20,17 @@ def make_session(rows: int = 60, seed: int = 0, **metadata: object) -> sessions.
     marker = markers(joint_from_motor(position[:, :9])) + rng.normal(0, 1e-4, (rows, 9, 3))
     marker[5:8, 2] = np.nan
     return sessions.Session(
-        path=None,
-        metadata={"schema_version": 1} | METADATA | metadata,
-        time=clock,
-        motor_position=position,
-        motor_velocity=0.6 * np.cos(0.3 * clock[:, None] + np.arange(10)),
-        motor_load=rng.uniform(-0.2, 0.2, (rows, 10)),
-        motor_velocity_command=rng.normal(0, 0.5, (rows, 10)),
-        joint_target=rng.uniform(0, 0.3, (rows, 9)),
-        marker=marker,
+        None,
+        {"schema_version": 1} | METADATA | metadata,
+        {
+            "time": clock,
+            "motor_position": position,
+            "motor_velocity": 0.6 * np.cos(0.3 * clock[:, None] + np.arange(10)),
+            "motor_load": rng.uniform(-0.2, 0.2, (rows, 10)),
+            "motor_velocity_command": rng.normal(0, 0.5, (rows, 10)),
+            "joint_target": rng.uniform(0, 0.3, (rows, 9)),
+            "marker": marker,
+        },
     )
 
 

@@ -10,10 +10,10 @@ import pulled_lever
 
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.drives import commands
 from serpent_twin.machines.model.motion import RowStates
+from serpent_twin.tables.segments import Segments
 
 SECOND = 51  # rows of a second and a bit at the rates of these logs
 
@@ -22,8 +22,8 @@ SECOND = 51  # rows of a second and a bit at the rates of these logs
 class Taken:
     """A machine, its segments, and the folder that its twins are written into."""
 
-    case: Case[Runs]
-    pieces: Runs
+    case: Case[Segments]
+    pieces: Segments
     folder: Path
 
     def twin(self, lacks=(), declared=()) -> ParameterVector:

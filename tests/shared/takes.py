@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from serpent_twin.arm.control import joint_p_control, random_targets
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.base_frame import Rigid
-from serpent_twin.sessions import Session, read_session, write_session
+from serpent_twin.sessions import FIELDS, Session, read_session, write_session
 from serpent_twin.sessions.merge import Merge, merge
 from serpent_twin.sim.twin import Twin
 
@@ -34,9 +34,8 @@ def simulated(rows, seed, rate=4.0):
                 bus.wait(fine)
     metadata = {"backend": "real", "arm": "twin", "session": 1, "rate_hz": rate, "markers": "none"}
     columns = [np.array(column) for column in zip(*log, strict=True)]
-    session = Session(
-        None, {"schema_version": 1} | metadata, *columns, np.full((rows, 9, 3), np.nan)
-    )
+    columns = dict(zip(FIELDS, [*columns, np.full((rows, 9, 3), np.nan)], strict=True))
+    session = Session(None, {"schema_version": 1} | metadata, columns)
     return session, np.array(times), np.array(truth)
 
 

@@ -3,9 +3,10 @@
 import numpy as np
 
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Recording, cut
 from serpent_twin.machines.trunk import Trunk
 from serpent_twin.machines.trunk.shape import ANGLES, GOALS, SEEN, TURNED
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Piece, cut
 
 
 def shape(**others):
@@ -27,7 +28,7 @@ def log(goal, seconds=None, period=0.01, seed=0):
     time = period * np.arange(len(goal))
     nothing = np.zeros(len(time))
     columns = {"time": time} | dict(zip(GOALS, goal.T, strict=True))
-    return Recording(None, {}, columns | dict.fromkeys((*ANGLES, *TURNED, *SEEN), nothing))
+    return Log(None, {}, columns | dict.fromkeys((*ANGLES, *TURNED, *SEEN), nothing))
 
 
 def answer(machine, run, **there):
@@ -35,7 +36,9 @@ def answer(machine, run, **there):
     point = ParameterVector.nominal(
         machine.declared, {name: np.array(values) for name, values in there.items()}
     )
-    runs = cut([run], machine.columns, [each.name for each in machine.outputs], machine.every)
+    runs = cut(
+        [Piece.whole(run)], machine.columns, [each.name for each in machine.outputs], machine.every
+    )
     found = machine.respond([point], runs)[0, 0]
     return found[:, :9].reshape(-1, 3, 3), found[:, 9:], runs.time[0]
 
@@ -57,4 +60,4 @@ def made(machine, goal, seed=0, **there):
     rng = np.random.default_rng(seed)
     seen = disks.reshape(-1, 9) + 2e-4 * rng.standard_normal((len(goal), 9))
     columns = dict(zip(SEEN, seen.T, strict=True))
-    return Recording(None, {}, run.columns | columns | dict(zip(TURNED, servos.T, strict=True)))
+    return Log(None, {}, run.columns | columns | dict(zip(TURNED, servos.T, strict=True)))

@@ -1,7 +1,5 @@
 """Test that simulated commands have the error of an arm's servos, and no other change."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from learning_sessions import make_session
@@ -15,7 +13,7 @@ def test_a_servo_that_misses_its_commands_is_measured():
     session, off = make_session(1, rows=2000), np.random.default_rng(0)
     reached = np.diff(session.motor_position, axis=0) / 0.25
     told = np.vstack([reached + off.normal(0, 0.03, reached.shape), reached[-1:]])
-    windows = cut([replace(session, motor_velocity_command=told)], 4, 10)
+    windows = cut([session.having(motor_velocity_command=told)], 4, 10)
     assert command_error(windows) == pytest.approx(0.03, rel=0.02)
 
 

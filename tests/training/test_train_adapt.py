@@ -111,7 +111,7 @@ def test_what_cannot_be_adapted_is_refused_before_anything_is_trained(logs, arm,
     for number in range(1, 4):
         session = make_session(number, rows=300)
         metadata = session.metadata | {"rate_hz": 20.0}
-        write(fast, replace(session, time=session.time / 5, metadata=metadata))
+        write(fast, replace(session.having(time=session.time / 5), metadata=metadata))
     config = Train(logs, out, ("residual",), adapt=arm)
     for changed, told in (
         ({"adapt": fast}, "to train on come at 4 Hz, .*fast at 20 Hz"),

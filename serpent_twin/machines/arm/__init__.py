@@ -14,7 +14,6 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.cable_law import cable_laws
 from serpent_twin.machines.arm.machine import ArmMachine
-from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.arm.recorder import recorded_by
 from serpent_twin.machines.arm.vector import candidates, vector
 from serpent_twin.machines.candidate import Candidate
@@ -22,6 +21,7 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.sessions import Session, read_folder, read_session, refuse_damaged
 from serpent_twin.sim.prescribed_motion import STANDING
+from serpent_twin.tables.segments import Segments
 
 _FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
 _DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad], and with
@@ -51,7 +51,7 @@ class ArmRig:
                 )
         return sessions
 
-    def open(self, training: Sequence[Session]) -> Case[ArmPieces]:
+    def open(self, training: Sequence[Session]) -> Case[Segments]:
         """First guesses: built geometry and cable laws from poses and loads alone, then the hinges'
         friction and damping by trying nine of each.
         """
@@ -89,8 +89,8 @@ def _unseen(velocity: Array, known: Mapping[str, Candidate]) -> dict[str, str]:
 
 
 def _with_friction(
-    case: Case[ArmPieces], arm: ArmMachine, training: Sequence[Session]
-) -> Case[ArmPieces]:
+    case: Case[Segments], arm: ArmMachine, training: Sequence[Session]
+) -> Case[Segments]:
     """The case that starts from the best frictions of hinges and jaw that were tried on a few segments."""
     pieces = case.pieces(training)
     some = case.take(pieces, range(0, len(pieces), max(1, len(pieces) // _TRIED)))

@@ -13,7 +13,7 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.machines.arm import motions
-from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut, past
+from serpent_twin.machines.arm.pieces import camera_noise, cut, markers_of, motors_of, past
 from serpent_twin.machines.arm.places import ArmPlaces
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.track_record import track_record
@@ -36,6 +36,7 @@ from serpent_twin.sim.many_twins import (
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
+from serpent_twin.tables.segments import Segments
 
 _CAMERA, _LOAD = 1e-4, 2e-3  # [m], [fraction of stall] least noise
 _PROBE = 0  # seed of the signs of the step that tests tangents
@@ -88,7 +89,7 @@ class ArmMachine:
         """The physical quantity of each coordinate."""
         return quantities(self.vector)
 
-    def pieces(self, sessions: Sequence[Session]) -> ArmPieces:
+    def pieces(self, sessions: Sequence[Session]) -> Segments:
         """Cut sessions into segments of about 40 s that hold every row."""
         return cut(sessions, self.vector.start.built)
 
@@ -102,38 +103,38 @@ class ArmMachine:
         return coarse if coarse > TIMESTEP else None
 
     def respond(
-        self, points: Sequence[ParameterVector], pieces: ArmPieces, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: Segments, timestep: float | None = None
     ) -> Array:
         """Markers and loads of the twins, (D, S, T, 37)."""
         did = self.simulate(points, pieces, timestep)
         return _channels(did.marker, did.load)
 
     def simulate(
-        self, points: Sequence[ParameterVector], pieces: ArmPieces, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: Segments, timestep: float | None = None
     ) -> Response:
         """Responses of the twins at these parameter vectors in the segments, (D, S, T)."""
         designs = [self.vector.design(point) for point in points]
         return impose(designs, self._motion(pieces, designs), timestep or TIMESTEP)
 
-    def responses_at_places(self, point: ParameterVector, pieces: ArmPieces) -> ArmPlaces:
+    def responses_at_places(self, point: ParameterVector, pieces: Segments) -> ArmPlaces:
         """What changes at the arm's places would show in the segments."""
         did = self.simulate([point], pieces)[0]
         return ArmPlaces(self.vector.design(point), pieces, did)
 
-    def _motion(self, pieces: ArmPieces, designs: Sequence[TwinModel]) -> PrescribedMotion:
+    def _motion(self, pieces: Segments, designs: Sequence[TwinModel]) -> PrescribedMotion:
         """What drives the twins in the segments."""
         return PrescribedMotion(
-            pieces.motors,
-            pieces.joint_angle[:, 0],
-            pieces.joint_velocity,
+            motors_of(pieces),
+            pieces.column["joint_angle"][:, 0],
+            pieces.column["joint_velocity"][:, 0],
             self.vector.start.parameters.servo_lag,
             pieces.prior_runtime,
-            seen=pieces.marker[:, 0],
+            seen=markers_of(pieces)[:, 0],
             past=past(pieces) if any(map(remember, designs)) else None,
         )
 
     def derivatives(
-        self, point: ParameterVector, pieces: ArmPieces, noise: Array
+        self, point: ParameterVector, pieces: Segments, noise: Array
     ) -> dict[str, Array]:
         """By all coordinates, (S, T, 37) each; without those of cables and hinges where effects answer to a
         change so much that tangents, which leave that out, are wrong. Where effects act, a step of all
@@ -141,7 +142,7 @@ class ArmMachine:
         """
         return self._along(point, pieces, noise) | self._still(point, pieces)
 
-    def _along(self, point: ParameterVector, pieces: ArmPieces, noise: Array) -> dict[str, Array]:
+    def _along(self, point: ParameterVector, pieces: Segments, noise: Array) -> dict[str, Array]:
         """Derivatives by the parameters of cables and hinges; without those that grew beyond reason, and none
         where they fail.
         """
@@ -183,12 +184,13 @@ class ArmMachine:
         wrong = probed[1:][(size[1:] > 0) & ~(cosine[1:] > _TRUSTED_CABLE)].any(axis=0)
         return {name: by[name] for name, lost in zip(moving, wrong, strict=True) if not lost}
 
-    def _still(self, point: ParameterVector, pieces: ArmPieces) -> dict[str, Array]:
+    def _still(self, point: ParameterVector, pieces: Segments) -> dict[str, Array]:
         """Derivatives by gear friction and by the places of markers and cameras, which move nothing."""
         here = self.vector.design(point)
         gear = here.gear_friction / here.arm.servo.stall_torque
-        turning = np.tanh(pieces.motors.velocity / (STANDING / 3))
-        _, rotation = link_frames(pieces.joint_angle, here.built)
+        turning = np.tanh(pieces.column["motor_velocity"] / (STANDING / 3))
+        angle = pieces.column["joint_angle"]
+        _, rotation = link_frames(angle, here.built)
         names, none, found = self.vector.names, np.zeros_like(pieces.measured), {}
         by = {each.name: n for n, each in enumerate(self.declared)}
         for j, name in enumerate(names["gear"]):
@@ -198,15 +200,15 @@ class ArmMachine:
             i, axis = divmod(k, 3)
             found[name] = none.copy()
             found[name][..., 3 * i : 3 * i + 3] = 1e-3 * rotation[..., i, :, axis]
-        seen, one = markers(pieces.joint_angle, here.built), np.eye(len(self.declared))
+        seen, one = markers(angle, here.built), np.eye(len(self.declared))
         for name in (*names["camera_shift"], *names["camera_turn"]):
             other = self.vector.design(point.after(one[by[name]])).built
-            moved = markers(pieces.joint_angle, other) - seen
+            moved = markers(angle, other) - seen
             found[name] = none.copy()
             found[name][..., : 3 * N_JOINTS] = moved.reshape(*none.shape[:2], -1)
         return found
 
-    def compare(self, point: ParameterVector | None, pieces: ArmPieces) -> Comparison:
+    def compare(self, point: ParameterVector | None, pieces: Segments) -> Comparison:
         """Measured beside predicted, with the quantities on which the residual may depend."""
         did = self.simulate([point], pieces) if point else self._nominal(pieces)
         arm = self.vector.design(point).built if point else self.vector.start.arm
@@ -214,22 +216,22 @@ class ArmMachine:
         axis = (rotation @ arm.joint_axes[..., None])[..., 0]
         return Comparison(
             session=pieces.session,
-            time=pieces.motors.time,
-            marker_measured=pieces.marker,
+            time=pieces.time,
+            marker_measured=markers_of(pieces),
             marker_predicted=did.marker[0],
-            load_measured=pieces.load,
+            load_measured=pieces.column["motor_load"],
             load_predicted=did.load[0],
-            load_counts=pieces.moving,
-            motor_angle=pieces.motors.angle,
-            motor_velocity=pieces.motors.velocity,
-            motor_command=pieces.motor_command,
+            load_counts=np.isfinite(pieces.measured[..., 3 * N_JOINTS :]),
+            motor_angle=pieces.column["motor_position"],
+            motor_velocity=pieces.column["motor_velocity"],
+            motor_command=pieces.column["motor_velocity_command"],
             joint_angle=did.joint_angle[0],
             tension=did.tension[0],
             joint_anchor=anchor,
             joint_axis=axis,
         )
 
-    def _nominal(self, pieces: ArmPieces) -> Response:
+    def _nominal(self, pieces: Segments) -> Response:
         nominal = replace(self, vector=replace(self.vector, start=NOMINAL_TWIN))
         return nominal.simulate([ParameterVector.nominal(self.declared)], pieces)
 
@@ -238,20 +240,19 @@ class ArmMachine:
         """Unknown."""
         return 0.0
 
-    def pose_noise(self, pieces: ArmPieces) -> float:
+    def pose_noise(self, pieces: Segments) -> float:
         """The cameras' [m]."""
         return camera_noise(pieces)
 
     def measured_again(
-        self, pieces: ArmPieces, point: ParameterVector, rng: np.random.Generator
-    ) -> ArmPieces:
+        self, pieces: Segments, point: ParameterVector, rng: np.random.Generator
+    ) -> Segments:
         """Joint angles at the start from markers with the cameras' noise."""
-        noise = camera_noise(pieces) * rng.standard_normal(pieces.marker.shape)
-        joint = pieces.joint_angle.copy()
+        marker, joint = markers_of(pieces), pieces.column["joint_angle"].copy()
+        noise = camera_noise(pieces) * rng.standard_normal(marker.shape)
         arm = self.vector.design(point).built
-        seen = (pieces.marker + noise)[:, 0]
-        joint[:, 0] = joints_from_markers(seen, pieces.joint_angle[:, 0], arm)
-        return replace(pieces, joint_angle=joint)
+        joint[:, 0] = joints_from_markers((marker + noise)[:, 0], joint[:, 0], arm)
+        return replace(pieces, column={**pieces.column, "joint_angle": joint})
 
     def propose(
         self,
@@ -260,7 +261,7 @@ class ArmMachine:
         seconds: float,
         rate_hz: float,
         rng: np.random.Generator,
-    ) -> Proposals[ArmPieces]:
+    ) -> Proposals[Segments]:
         """Joint targets [rad], (count, T, 9), of all kinds in turn, and what the twin makes of them."""
         design = self.vector.design(point)
 

@@ -13,26 +13,27 @@ import numpy as np
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
 from serpent_twin.effects.arm_places import NAMES, centres_of_mass, levers
-from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import MissingTorques, PlaceResponse, by_forces
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.statics import PASSES, against_gravity, strand_stiffness
 from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.tables.segments import Segments
 
 _SIDES = np.tile([1.0, -1.0], N_MOTORS)
 _RADII = ARM.pulley_radii
 
 
-def missing_torques(twin: TwinModel, pieces: ArmPieces, did: Response) -> MissingTorques:
+def missing_torques(twin: TwinModel, pieces: Segments, did: Response) -> MissingTorques:
     """Of S segments of T rows, in which a twin did so."""
-    measured = np.where(np.isfinite(pieces.joint_angle), pieces.joint_angle, did.joint_angle)
+    angle = pieces.column["joint_angle"]
+    measured = np.where(np.isfinite(angle), angle, did.joint_angle)
     more = _tension_there(twin, pieces, did, measured) - did.tension
     winding = (_RADII * (more[..., 0::2] - more[..., 1::2])) @ PASSES
     holding = winding - against_gravity(measured) + against_gravity(did.joint_angle)
     return MissingTorques(-holding, tuple(_responses(measured)))
 
 
-def _tension_there(twin: TwinModel, pieces: ArmPieces, did: Response, measured: Array) -> Array:
+def _tension_there(twin: TwinModel, pieces: Segments, did: Response, measured: Array) -> Array:
     """Tension that the twin's strands would have in the measured pose [N], (S, T, 20)."""
     stiffness = strand_stiffness(twin)
     loose = np.minimum(_stretch(twin, pieces, did), 0.0)
@@ -42,10 +43,10 @@ def _tension_there(twin: TwinModel, pieces: ArmPieces, did: Response, measured: 
     return stiffness * np.maximum(stretch, 0.0)
 
 
-def _stretch(twin: TwinModel, pieces: ArmPieces, did: Response) -> Array:
+def _stretch(twin: TwinModel, pieces: Segments, did: Response) -> Array:
     """Of each strand in the twin's pose, by its calibrated slack [m], (S, T, 20)."""
     ratio = 1.0 + np.asarray(twin.tolerances.winch_radius)
-    wound = ratio * pieces.motors.angle - did.joint_angle @ PASSES.T
+    wound = ratio * pieces.column["motor_position"] - did.joint_angle @ PASSES.T
     wound[..., -1] -= did.jaw_angle.reshape(wound.shape[:-1])
     slack = twin.parameters.strand_slack + np.asarray(twin.tolerances.strand_slack)
     return _SIDES * np.repeat(_RADII * wound, 2, axis=-1) - slack

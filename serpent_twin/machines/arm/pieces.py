@@ -1,10 +1,9 @@
 """Cut an arm's logs into segments, each starting from a measured pose."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm, joint_from_motor, markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
@@ -13,9 +12,12 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.residual.noise import FEWEST, GAIN, ORDER
 from serpent_twin.sessions import Session
-from serpent_twin.sim.measured_motion import MeasuredMotion, gaps
+from serpent_twin.sim.measured_motion import MeasuredMotion, gaps, velocities
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import STANDING
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Piece, Segments
+from serpent_twin.tables.segments import cut as stacked
 
 _ROWS = 600
 """About so many tell the cameras' noise"""
@@ -27,132 +29,77 @@ _FEWEST = 8
 """Rows of a segment, and of a stretch without a gap that is worth one"""
 
 
-@dataclass(frozen=True)
-class ArmPieces:
-    """S segments of T rows of logs of one rate."""
-
-    session: tuple[str, ...]
-    """Name of each segment's session, (S,)"""
-    began: Array
-    """Which row of its session each segment begins with, (S,)"""
-    motors: MotorTrajectory
-    """(S, T)"""
-    motor_command: Array
-    """[rad/s], (S, T, 10)"""
-    load: Array
-    """Fraction of stall, (S, T, 10)"""
-    compared: NDArray[np.bool_]
-    """Which rows are compared with a twin, (S, T)"""
-    marker: Array
-    """[m], (S, T, 9, 3); NaN where lost, and in rows that are not compared"""
-    joint_angle: Array
-    """From the markers [rad], (S, T, 9)"""
-    joint_velocity: Array
-    """At the first row [rad/s], from the markers of the rows beside it; 0 where a log begins, (S, 9)"""
-    prior_runtime: Array
-    """How long the sessions before ran [s], (S,)"""
-    run: Mapping[str, MeasuredMotion]
-    """Each session from its first row, for effects that remember"""
-
-    def __len__(self) -> int:
-        return len(self.session)
-
-    def take(self, which: Sequence[int]) -> "ArmPieces":
-        """Some of the segments."""
-        n = list(which)
-        each = {field.name: getattr(self, field.name) for field in fields(self)}
-        arrays = {
-            name: value[n]
-            for name, value in each.items()
-            if isinstance(value, np.ndarray | MotorTrajectory)
-        }
-        return replace(self, session=tuple(self.session[k] for k in n), **arrays)
-
-    @property
-    def measured(self) -> Array:
-        """Markers, and loads where they are used, NaN elsewhere, (S, T, 37)."""
-        load = np.where(self.moving, self.load, np.nan)
-        return np.concatenate([self.marker.reshape(*load.shape[:2], -1), load], axis=-1)
-
-    @property
-    def moving(self) -> NDArray[np.bool_]:
-        """Whether a load is used: its motor turns, so that gear friction has one sign, (S, T, 10)."""
-        return (np.abs(self.motors.velocity) > 2 * STANDING) & self.compared[..., None]
+_COLUMNS = (
+    "motor_position",
+    "motor_velocity",
+    "motor_velocity_command",
+    "motor_load",
+    "joint_angle",
+    "joint_velocity",
+)
 
 
-def cut(sessions: Sequence[Session], arm: Arm, seconds: float = SEGMENT) -> ArmPieces:
+def cut(sessions: Sequence[Session], arm: Arm, seconds: float = SEGMENT) -> Segments:
     """All rows of sessions in segments of one length, none of which goes on across a gap in time.
 
     Each row counts once: at its end, a segment may have rows that are not compared, since the next one has
-    them, or none that were measured, since its session ends.
+    them, or none that were measured, since its session ends. Measured are the markers and, where they are
+    used, the loads: where a motor turns, so that gear friction has one sign.
     """
-    rows, parts = segments(sessions, seconds)
-    prior_runtime = {s.name: s.prior_runtime for s in sessions}
-    runs = {s.name: _run(s, arm) for s in sessions}
-    velocity = {name: run.joint_velocity() for name, run in runs.items()}
-    compared = np.array([np.arange(rows) < part.compared for part in parts])
-
-    def of(name: str) -> Array:
-        return np.stack([getattr(part.session, name)[part.rows(rows)] for part in parts])
-
-    motors = MotorTrajectory(of("time"), of("motor_position"), of("motor_velocity"))
+    rate_hz = sessions[0].rate_hz
+    parts = segments([_posed(session, arm) for session in sessions], rate_hz, seconds)
+    found = stacked(parts, _COLUMNS, ("marker", "load_used"))
     for n, part in enumerate(parts):
-        beyond = np.maximum(part.first + np.arange(rows) - (part.end - 1), 0)
-        motors.time[n] += beyond / part.session.rate_hz
-        motors.velocity[n, beyond > 0] = 0.0
-    return ArmPieces(
-        session=tuple(part.session.name for part in parts),
-        began=np.array([part.first for part in parts]),
-        motors=motors,
-        motor_command=of("motor_velocity_command"),
-        load=of("motor_load"),
-        compared=compared,
-        marker=np.where(compared[..., None, None], of("marker"), np.nan),
-        joint_angle=np.stack(
-            [runs[part.session.name].joint_angle[part.rows(rows)] for part in parts]
-        ),
-        joint_velocity=np.array([velocity[part.session.name][part.first] for part in parts]),
-        prior_runtime=np.array([prior_runtime[part.session.name] for part in parts]),
-        run=runs,
-    )
+        rows = part.end - part.first
+        beyond = np.arange(1, found.time.shape[1] - rows + 1)
+        found.time[n, rows:] = found.time[n, rows - 1] + beyond / rate_hz
+        found.column["motor_velocity"][n, rows:] = 0.0
+    return found
 
 
-@dataclass(frozen=True)
-class Cut:
-    """Where a segment lies in its session."""
-
-    session: Session
-    first: int
-    """Its first row"""
-    end: int
-    """The row after the last that can belong to it"""
-    compared: int
-    """How many of its rows are compared, from the first"""
-
-    def rows(self, count: int) -> NDArray[np.int64]:
-        """So many rows; beyond the end, the last one again."""
-        return np.minimum(self.first + np.arange(count), self.end - 1)
+def _posed(session: Session, arm: Arm) -> Log:
+    """A session with joint angles from its markers [rad], their rates, and the loads that are used."""
+    start = joint_from_motor(session.motor_position[:, :N_JOINTS])
+    joint = joints_from_markers(session.marker, start, arm)
+    moving = np.abs(session.motor_velocity) > 2 * STANDING
+    columns = {
+        "joint_angle": joint,
+        "joint_velocity": velocities(session.time, joint),
+        "load_used": np.where(moving, session.motor_load, np.nan),
+    }
+    metadata = session.metadata | {"prior_runtime_s": session.prior_runtime}
+    return Log(session.path, metadata, session.columns | columns, session.name)
 
 
-def segments(sessions: Sequence[Session], seconds: float = SEGMENT) -> tuple[int, list[Cut]]:
-    """Rows of a segment, and where each lies; raises a `SerpentError` if there is none."""
-    found = [(s, *ends) for s in sessions for ends in _stretches(s.time)]
-    usual = seconds * sessions[0].rate_hz
+def motors_of(pieces: Segments) -> MotorTrajectory:
+    """What drives the arm in the segments, (S, T)."""
+    column = pieces.column
+    return MotorTrajectory(pieces.time, column["motor_position"], column["motor_velocity"])
+
+
+def markers_of(pieces: Segments) -> Array:
+    """Measured markers [m], (S, T, 9, 3); NaN where lost, and in rows that are not compared."""
+    return pieces.measured[..., : 3 * N_JOINTS].reshape(*pieces.time.shape, N_JOINTS, 3)
+
+
+def segments(logs: Sequence[Log], rate_hz: float, seconds: float = SEGMENT) -> list[Piece]:
+    """Where each segment lies; raises a `SerpentError` if there is none."""
+    found = [(log, *ends) for log in logs for ends in _stretches(log.time)]
+    usual = seconds * rate_hz
     least = (1 - _NEAR) * seconds
     if max((end - first for _, first, end in found), default=0) < (1 - _NEAR) * usual:
         raise SerpentError(
             f"no session has {least:g} s without a gap in time. Record longer sessions."
         )
     rows = segment_rows([end - first for _, first, end in found], usual)
-    parts = []
-    for session, first, end in found:
-        starts = segment_starts(end - first, rows)
-        compared = np.diff([*starts, end - first])
+    parts = list[Piece]()
+    for log, first, end in found:
+        starts = [first + at for at in segment_starts(end - first, rows)]
         parts += [
-            Cut(session, first + at, end, n)
-            for at, n in zip(starts, compared.tolist(), strict=True)
+            Piece(log, at, min(at + rows, end), (at, until))
+            for at, until in pairwise([*starts, end])
         ]
-    return rows, parts
+    return parts
 
 
 def segment_rows(lengths: Sequence[int], usual: float) -> int:
@@ -180,17 +127,17 @@ def _stretches(time: Array) -> list[tuple[int, int]]:
     return [(first, end) for first, end in ends if end - first >= _FEWEST]
 
 
-def camera_noise(pieces: ArmPieces) -> float:
+def camera_noise(pieces: Segments) -> float:
     """Standard deviation of a marker's coordinate [m]: what no pose explains, and no slow change, since links
     that bend or twist move markers beside every pose, too.
     """
-    few = slice(None, None, max(1, pieces.motors.time.size // _ROWS))
-    some = pieces.marker[few]
-    marker = some.reshape(-1, N_JOINTS, 3)
-    joint = pieces.joint_angle[few].reshape(-1, N_JOINTS)
-    found = calibrate(marker, joint)
+    few = slice(None, None, max(1, pieces.time.size // _ROWS))
+    some = markers_of(pieces)[few]
+    seen = some.reshape(-1, N_JOINTS, 3)
+    joint = pieces.column["joint_angle"][few].reshape(-1, N_JOINTS)
+    found = calibrate(seen, joint)
     arm, rms = found.deviations.built(ARM), found.rms
-    left = (marker - markers(joints_from_markers(marker, joint, arm), arm)).reshape(some.shape)
+    left = (seen - markers(joints_from_markers(seen, joint, arm), arm)).reshape(some.shape)
     change = np.diff(left, ORDER, axis=1)
     if np.isfinite(change).sum() < FEWEST:
         return rms
@@ -198,18 +145,14 @@ def camera_noise(pieces: ArmPieces) -> float:
     return rms * float(np.sqrt(min(1.0, white)))
 
 
-def _run(session: Session, arm: Arm) -> MeasuredMotion:
-    motors = MotorTrajectory(session.time, session.motor_position, session.motor_velocity)
-    start = joint_from_motor(motors.angle[:, :N_JOINTS])
-    return MeasuredMotion(motors, joints_from_markers(session.marker, start, arm))
-
-
-def past(pieces: ArmPieces) -> MeasuredMotion:
+def past(pieces: Segments) -> MeasuredMotion:
     """What happened in the session before each segment, (S, K); a short past repeats its first row."""
-    most = max(1, int(pieces.began.max()))
-    rows = [np.maximum(0, np.arange(most) - (most - int(at))) for at in pieces.began]
-    each = [pieces.run[name][k] for name, k in zip(pieces.session, rows, strict=True)]
-    return MeasuredMotion(
-        MotorTrajectory.stacked([motion.motors for motion in each]),
-        np.stack([motion.joint_angle for motion in each]),
-    )
+    most = max(1, int(pieces.first.max()))
+    rows = [np.maximum(0, np.arange(most) - (most - int(at))) for at in pieces.first]
+
+    def of(name: str) -> Array:
+        each = zip(pieces.log, rows, strict=True)
+        return np.stack([log.columns[name][before] for log, before in each])
+
+    trajectory = MotorTrajectory(of("time"), of("motor_position"), of("motor_velocity"))
+    return MeasuredMotion(trajectory, of("joint_angle"))

@@ -24,12 +24,13 @@ from serpent_twin.effects.arm_places import (
 )
 from serpent_twin.effects.law import POSITIONS, READINGS
 from serpent_twin.machines.arm.missing_torques import missing_torques
-from serpent_twin.machines.arm.pieces import ArmPieces
+from serpent_twin.machines.arm.pieces import markers_of
 from serpent_twin.machines.places import MissingTorques, PlaceResponse, Places, by_forces
 from serpent_twin.sim import response
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.statics import PASSES, gravity_stiffness, of_joints, strand_stiffness
 from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.tables.segments import Segments
 
 _OBSTACLES = (2, 4, 6, 8)
 """Links whose position laws may follow, as where something stands in the way: links beside move alike"""
@@ -46,7 +47,7 @@ class ArmPlaces(Places):
     """
 
     twin: TwinModel
-    pieces: ArmPieces
+    pieces: Segments
     did: response.Response
     """What the twin does in the segments, (S, T)"""
 
@@ -55,14 +56,14 @@ class ArmPlaces(Places):
         """What laws may follow, (S, T), by the reading and its place: of joints and links as they were
         measured, since what acts beyond an angle does so at the arm's, and not at that of a twin without it.
         """
-        q = self.pieces.joint_angle
-        time = self.pieces.motors.time
+        q = self.pieces.column["joint_angle"]
+        time = self.pieces.time
         horn = _RADII * (self.did.tension[..., 0::2] - self.did.tension[..., 1::2])
         several = {
             "joint_angle": q,
             "joint_velocity": self._speed(q),
-            "motor_angle": self.pieces.motors.angle,
-            "motor_velocity": self.pieces.motors.velocity,
+            "motor_angle": self.pieces.column["motor_position"],
+            "motor_velocity": self.pieces.column["motor_velocity"],
             "horn_torque": horn,
             "tension": self.did.tension,
             "time": time[..., None],
@@ -73,8 +74,8 @@ class ArmPlaces(Places):
             for name, values in several.items()
             for k, where in enumerate(NAMES[READINGS[name].kind])
         }
-        lost = np.isnan(self.pieces.marker)
-        marker = np.where(lost, np.asarray(self.did.marker), self.pieces.marker)
+        seen = markers_of(self.pieces)
+        marker = np.where(np.isnan(seen), np.asarray(self.did.marker), seen)
         for axis, name in enumerate(POSITIONS):
             for k in _OBSTACLES:
                 found[name, NAMES["body"][k]] = marker[..., k, axis]
@@ -96,14 +97,14 @@ class ArmPlaces(Places):
         return missing_torques(self.twin, self.pieces, self.did)
 
     def _speed(self, joint_angle: Array) -> Array:
-        time = self.pieces.motors.time[..., None]
+        time = self.pieces.time[..., None]
         return np.gradient(joint_angle, axis=1) / np.gradient(time, axis=1)
 
     def _late(self) -> Array:
         """Change of the prediction where cameras are late [1/s], (S, T, 37): by the way that markers went
         since the row before, as motors change their speed in rows.
         """
-        marker, time = np.asarray(self.did.marker), self.pieces.motors.time
+        marker, time = np.asarray(self.did.marker), self.pieces.time
         went = np.diff(marker.reshape(*time.shape, -1), axis=1) / np.diff(time, axis=1)[..., None]
         out = np.zeros(self.pieces.measured.shape)
         out[:, 1:, : 3 * N_JOINTS] = -went
@@ -156,14 +157,16 @@ class ArmPlaces(Places):
         return np.eye(3 * N_JOINTS + N_MOTORS)[3 * N_JOINTS :, None, None, :]
 
     def _of_joints(self) -> Iterator[PlaceResponse]:
-        resists = -np.tanh(self._speed(self.pieces.joint_angle) / (STANDING / 3))
+        resists = -np.tanh(self._speed(self.pieces.column["joint_angle"]) / (STANDING / 3))
         for i, name in enumerate(NAMES["joint"]):
             change = self._by_torques[i]
             yield PlaceResponse("joint_torque", name, change[None])
             yield PlaceResponse("joint_friction", name, (change * resists[..., i, None])[None])
 
     def _of_drives(self) -> Iterator[PlaceResponse]:
-        turns = np.tanh(self.pieces.motors.velocity / (STANDING / 3)) / ARM.servo.stall_torque
+        turns = (
+            np.tanh(self.pieces.column["motor_velocity"] / (STANDING / 3)) / ARM.servo.stall_torque
+        )
         for j, name in enumerate(NAMES["actuator"]):
             load = np.broadcast_to(self._by_loads[j], self.pieces.measured.shape)
             yield PlaceResponse("motor_torque", name, -load[None] / ARM.servo.stall_torque)

@@ -2,19 +2,15 @@
 
 from serpent_twin.machines.measured.hinge import HingeMoment, Turns
 from serpent_twin.machines.measured.machine import RunMachine
-from serpent_twin.machines.measured.recording import KEY, Recording, read, read_runs
-from serpent_twin.machines.measured.runs import Runs, cut
+from serpent_twin.machines.measured.recording import KEY, read, read_runs
 from serpent_twin.machines.measured.twin_file import MachineTwin, read_twin
 
 __all__ = [
     "KEY",
     "HingeMoment",
     "MachineTwin",
-    "Recording",
     "RunMachine",
-    "Runs",
     "Turns",
-    "cut",
     "read",
     "read_runs",
     "read_twin",

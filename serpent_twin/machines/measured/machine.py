@@ -15,12 +15,12 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity, effects_at
 from serpent_twin.machines.measured import twin_file
-from serpent_twin.machines.measured.recording import Recording
-from serpent_twin.machines.measured.runs import Runs, cut, windows
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Comparison, Measure
 from serpent_twin.runs.files import write_json, write_whole
 from serpent_twin.sim.exact_xml import to_xml
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Piece, Segments, cut
 
 
 class RunMachine(ABC):
@@ -83,7 +83,7 @@ class RunMachine(ABC):
 
     @abstractmethod
     def respond(
-        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: Segments, timestep: float | None = None
     ) -> Array:
         """The outputs that twins predict, (D, S, T, C); not finite where a simulation gave up."""
 
@@ -93,19 +93,18 @@ class RunMachine(ABC):
         """
         return []
 
-    def pieces(self, sessions: Sequence[Recording]) -> Runs:
+    def pieces(self, sessions: Sequence[Log]) -> Segments:
         """The runs, whole or in windows."""
         outputs = [each.name for each in self.outputs]
-        if self.window:
-            needed = sum(self.window)
-            whole = [part for run in sessions for part in windows(run, *self.window, outputs)]
-            if not whole:
-                raise SerpentError(
-                    f"{', '.join(run.name for run in sessions)}: shorter than {needed:g} s, which one "
-                    "window takes. Give longer runs."
-                )
-            sessions = whole
-        return cut(sessions, self.columns, outputs, self.every)
+        if not self.window:
+            return cut([Piece.whole(run) for run in sessions], self.columns, outputs, self.every)
+        parts = [part for run in sessions for part in _windows(run, *self.window)]
+        if not parts:
+            raise SerpentError(
+                f"{', '.join(run.name for run in sessions)}: shorter than {sum(self.window):g} s, which one "
+                "window takes. Give longer runs."
+            )
+        return cut(parts, self.columns, outputs, self.every)
 
     def alike(self, points: Sequence[ParameterVector]) -> list[list[int]]:
         """Those with the same effects."""
@@ -118,7 +117,9 @@ class RunMachine(ABC):
         """None: a run is simulated row by row."""
         return
 
-    def derivatives(self, point: ParameterVector, pieces: Runs, noise: Array) -> dict[str, Array]:
+    def derivatives(
+        self, point: ParameterVector, pieces: Segments, noise: Array
+    ) -> dict[str, Array]:
         """None: finite differences give all of them."""
         return {}
 
@@ -127,14 +128,14 @@ class RunMachine(ABC):
         """Unknown."""
         return 0.0
 
-    def pose_noise(self, pieces: Runs) -> Array:
+    def pose_noise(self, pieces: Segments) -> Array:
         """The least noise of each coordinate."""
         pose = len(self.markers) * self.outputs[0].measure.dimension
         return np.array([each.noise for each in self.outputs[:pose]])
 
     def measured_again(
-        self, pieces: Runs, point: ParameterVector, rng: np.random.Generator
-    ) -> Runs:
+        self, pieces: Segments, point: ParameterVector, rng: np.random.Generator
+    ) -> Segments:
         """The same segments: runs start from what drives them, or from an encoder."""
         return pieces
 
@@ -145,18 +146,18 @@ class RunMachine(ABC):
         seconds: float,
         rate_hz: float,
         rng: np.random.Generator,
-    ) -> Proposals[Runs]:
+    ) -> Proposals[Segments]:
         """Refused: its logs were measured elsewhere."""
         raise SerpentError(
             f"nothing here commands the machine {self.name!r}: its logs were measured elsewhere. A motion "
             "can be planned for the arm, and for a machine that a machine.toml describes."
         )
 
-    def block_rows(self, pieces: Runs) -> int:
+    def block_rows(self, pieces: Segments) -> int:
         """Rows of a block of which the error hardly follows that of the block before."""
         return max(8, round(self.block / float(np.median(pieces.period))))
 
-    def compare(self, point: ParameterVector | None, pieces: Runs) -> Comparison:
+    def compare(self, point: ParameterVector | None, pieces: Segments) -> Comparison:
         """Measured beside predicted, in blocks that are judged one by one."""
         at = point or ParameterVector.nominal(self.declared)
         predicted = self.respond([at], pieces)[0]
@@ -216,3 +217,13 @@ class RunMachine(ABC):
         note = ". ".join(notes)
         text = f"<!-- {note or 'all effects are here'}. -->\n{to_xml(spec, path.parent)}"
         write_whole(path.with_suffix(".xml"), text)
+
+
+def _windows(run: Log, seconds: float, before: float) -> list[Piece]:
+    """A run cut into windows, each with the seconds before it, in which nothing counts as measured.
+
+    The first `before` seconds of the run, and a rest that is shorter than a window, are in none.
+    """
+    lead, length = round(before / run.period), round(seconds / run.period)
+    starts = range(lead, len(run) - length + 1, length)
+    return [Piece(run, at - lead, at + length, (at, at + length)) for at in starts]

@@ -5,7 +5,6 @@ the key `measured`, state how it was driven. The file's name carries no informat
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,45 +15,14 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.tables import parquet
+from serpent_twin.tables.log import Log
 
 KEY = b"measured"
 FEWEST = 50
 _OTHER = "Name another --rig or --logs."
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """One run."""
-
-    path: Path | None
-    """The file it came from; None for a run made in memory"""
-    metadata: dict[str, Any]
-    """How it was driven"""
-    columns: dict[str, Array]
-    """By name, (T,) each"""
-    label: str = ""
-    """Its name, if it is not the file's: of a part of a run, or of one made in memory"""
-
-    def __len__(self) -> int:
-        return len(self.columns["time"])
-
-    @property
-    def name(self) -> str:
-        """File name without its ending, unless one is given."""
-        return self.label or (self.path.stem if self.path else "run")
-
-    @property
-    def time(self) -> Array:
-        """When each row was recorded [s], (T,)."""
-        return self.columns["time"]
-
-    @property
-    def readings(self) -> Array:
-        """All columns but the time, (T, N)."""
-        return np.stack([values for name, values in self.columns.items() if name != "time"], axis=1)
-
-
-def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]) -> Recording:
+def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]) -> Log:
     """Read one run that must have these columns, and metadata of this form, or raise a `SerpentError`."""
     table = parquet.read(path, "Copy it again.")
     raw = table.metadata.get(KEY)
@@ -74,12 +42,12 @@ def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any
     found = {c: values.astype(float) for c, values in table.columns.items()}
     _check(path, found, columns)
     found["time"] -= found["time"][0]
-    return Recording(path, about, found)
+    return Log(path, about, found)
 
 
 def read_runs(
     folder: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]
-) -> list[Recording]:
+) -> list[Log]:
     """Read all runs of a folder, by name, or that of a file."""
     if folder.exists() and not folder.is_dir():
         return [read(folder, columns, metadata)]

@@ -12,7 +12,6 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Output, ParameterVector
-from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model import log_file
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.machines.model.coordinates import coordinates
@@ -35,6 +34,8 @@ from serpent_twin.machines.model.session_starts import SessionStarts, about_star
 from serpent_twin.machines.model.shared_unit import require_shared_unit
 from serpent_twin.machines.model.sought import sought
 from serpent_twin.machines.model.starts import with_starts
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
 _CONVERGED, _PART = 0.15, 2e-3
 _FEW = 10
@@ -62,14 +63,14 @@ class ModelRig:
         """What it is."""
         return f"the model {self.described.about.model}"
 
-    def read(self, source: Path) -> list[Recording]:
+    def read(self, source: Path) -> list[Log]:
         """The sessions of a folder, or of one file; of a motion with the columns from which it starts."""
         runs = log_file.read_runs(self.described, source)
         if self.described.about.rows == POSES:
             return runs
         return [with_starts(self.described, put_right(self.described, run)) for run in runs]
 
-    def open(self, training: Sequence[Recording]) -> Case[Runs]:
+    def open(self, training: Sequence[Log]) -> Case[Segments]:
         """The model as it is; the cameras' frame by the mean of the logs."""
         require_varied(self.described, training)
         outputs = tuple(
@@ -124,17 +125,17 @@ def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
     return ModelRig(read(path, model_file))
 
 
-def _nominal(machine: ModelMachine, few: Runs) -> Array:
+def _nominal(machine: ModelMachine, few: Segments) -> Array:
     """What the model as it is shows in some segments, (S, T, C)."""
     return machine.respond([ParameterVector.nominal(machine.declared)], few)[0]
 
 
-def _anew(machine: ModelMachine, few: Runs) -> Array:
+def _anew(machine: ModelMachine, few: Segments) -> Array:
     """What the model shows of other data of the same segments, (S, T, C)."""
     return _nominal(replace(machine, rests=Rests(), gains=StartGains()), few)
 
 
-def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
+def _quieter(machine: ModelMachine, few: Segments, found: Array) -> ModelMachine:
     """The same with the noise that is left where the model, which shows (S, T, C), follows quick motions,
     which look like noise.
     """
@@ -149,7 +150,7 @@ def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
     return replace(machine, outputs=tuple(outputs), begun=SessionStarts())
 
 
-def _finer(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[ModelMachine, Array]:
+def _finer(machine: ModelMachine, few: Segments, coarse: Array) -> tuple[ModelMachine, Array]:
     """The machine with as many time steps a row as its noise asks for, and what it shows, from what it shows
     with the fewest, (S, T, C): twice as many change that by a small part of the noise at most, or of what the
     model is off by. Twice as many where a motion is prescribed, whose speed makes forces that are of first
@@ -166,7 +167,7 @@ def _finer(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[ModelMachin
     return machine, coarse
 
 
-def _first(machine: ModelMachine, few: Runs, found: Array) -> tuple[dict[str, Any], Array]:
+def _first(machine: ModelMachine, few: Segments, found: Array) -> tuple[dict[str, Any], Array]:
     """Where the cameras' frame starts, and how far the model, which shows (S, T, C), is off there, (C,)."""
     off = few.measured - found
     sites = [each for each in machine.described.about.measured for _ in each.columns]
@@ -181,7 +182,7 @@ def _first(machine: ModelMachine, few: Runs, found: Array) -> tuple[dict[str, An
     return {"pivot": pivot.tolist(), "shift": shift.tolist()}, np.maximum(spread, least)
 
 
-def _require_found(machine: ModelMachine, pieces: Runs, found: Array) -> None:
+def _require_found(machine: ModelMachine, pieces: Segments, found: Array) -> None:
     """Refuse a model that does not come to rest, or that is unstable."""
     lost = ~np.isfinite(found).all(axis=-1)
     if not lost.any():

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.clocks import Clocks, clocks_of, session_time
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
@@ -20,6 +19,7 @@ from serpent_twin.machines.model.prescribed import known_motion
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.state_effects import acting_at_rest
+from serpent_twin.tables.segments import Segments
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class TwinAtRest:
     compiled: Callable[[Sequence[Factor]], mujoco.MjModel]
     """Its model, with numbers that a session states"""
 
-    def parts(self, pieces: Runs) -> Iterator[tuple[NDArray[np.intp], PosedRuns]]:
+    def parts(self, pieces: Segments) -> Iterator[tuple[NDArray[np.intp], PosedRuns]]:
         """Which segments have one model, and these."""
         machine, there = self.machine, self.there
         laws = acting_at_rest(there, machine.model)
@@ -50,7 +50,7 @@ class TwinAtRest:
             begin = beginning(model, machine)
             yield np.asarray(which), PosedRuns(model, told, begin, seen, some, motion, laws)
 
-    def shown(self, pieces: Runs) -> Array:
+    def shown(self, pieces: Segments) -> Array:
         """What is read of it in each row, (S, T, C); NaN where it does not come to rest."""
         machine, rows = self.machine.model, pieces.time.shape[1]
         out = np.empty((*pieces.time.shape, len(self.measured)))
@@ -65,7 +65,7 @@ class TwinAtRest:
                     angles[name][which] = angle.reshape(-1, rows)
         return self._read(out, angles, pieces)
 
-    def _read(self, shown: Array, angles: Mapping[str, Array], pieces: Runs) -> Array:
+    def _read(self, shown: Array, angles: Mapping[str, Array], pieces: Segments) -> Array:
         """What sensors make of it: each pose is a run of one row, as time between poses is uneven."""
         S, T = pieces.time.shape
         begun, prior = session_time(pieces).ravel(), clocks_of(pieces).prior_runtime.repeat(T)

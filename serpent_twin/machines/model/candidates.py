@@ -12,7 +12,6 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, READING, law_of, ranges
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.candidate import Candidate, candidate
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.candidates_in_motion import (
     laws_of_state,
     rubbing_tendons,
@@ -32,6 +31,7 @@ from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.state_effects import state_driven
 from serpent_twin.machines.model.things import OBJECTS, acts_on, names
+from serpent_twin.tables.log import Log
 
 _STILL = 1e-6
 """Motion of a body per motion of a joint [m/rad] below which it stands still"""
@@ -61,7 +61,7 @@ _BENT = 0.02
 """Typical of a link under the moments that move it [rad]"""
 
 
-def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, Candidate]:
+def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candidate]:
     """All laws that find a place in the model."""
     of = sizes(machine, training)
     found = [candidate("gravity"), *_play(machine, training), *_joints(machine, of)]
@@ -124,7 +124,7 @@ def _confused(one: Candidate, several: Sequence[Candidate]) -> Candidate:
     return replace(one, confused_with=tuple(alike))
 
 
-def _play(machine: Described, training: Sequence[Recording]) -> Iterator[Candidate]:
+def _play(machine: Described, training: Sequence[Log]) -> Iterator[Candidate]:
     """Play of all drives that set a position alike, and of each."""
     drives = [d for d in machine.commanded if machine.is_servo(d.actuator)]
     if not drives:
@@ -175,7 +175,7 @@ def _joints(machine: Described, of: Sizes) -> Iterator[Candidate]:
                 yield candidate(f"gear_friction@{name}")
 
 
-def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candidate]:
+def _late(machine: Described, training: Sequence[Log]) -> Iterator[Candidate]:
     """A lag of each actuator, and of all alike; a delay of each reading, where there are others to be late
     against.
     """
@@ -197,7 +197,7 @@ def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
         yield from (candidate(f"sensor_delay@{name}", delay=delay) for name in read)
 
 
-def _saturated(machine: Described, training: Sequence[Recording], of: Sizes) -> Iterator[Candidate]:
+def _saturated(machine: Described, training: Sequence[Log], of: Sizes) -> Iterator[Candidate]:
     """Saturation of each actuator that is told a force, and of each DC motor of a joint."""
     model, motors = machine.model, state_driven(machine.model)
     told = [

@@ -12,7 +12,6 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range
 from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.candidate import Candidate, candidate
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.sizes import Sizes, given, sized_candidate, sized_range
@@ -21,6 +20,7 @@ from serpent_twin.machines.model.starts import angle_of, measured_joints
 from serpent_twin.machines.model.state_laws import springs_at
 from serpent_twin.machines.model.state_moment import JOINT, TENDON
 from serpent_twin.machines.model.things import lengths
+from serpent_twin.tables.log import Log
 
 _MOST = 500  # rows that are looked at
 _RUBS, _SLOW = 0.1, 0.2
@@ -45,9 +45,7 @@ _LONG = 25.0
 """Session from which on what is slow can show [s]: five of creep's shortest time constants"""
 
 
-def laws_of_state(
-    machine: Described, training: Sequence[Recording], of: Sizes
-) -> Iterator[Candidate]:
+def laws_of_state(machine: Described, training: Sequence[Log], of: Sizes) -> Iterator[Candidate]:
     """Friction of joints that falls with speed, or while they warm up; of tendons, friction by their tension,
     and clamps that slip; creep of tendons and of drives; and what softens.
     """
@@ -137,7 +135,7 @@ _RECOVERS = Range("1", 0.0, 0.0, 0.0, fitted=False)
 """No log says what ran before its session"""
 
 
-def _loads(machine: Described, training: Sequence[Recording]) -> list[_Load]:
+def _loads(machine: Described, training: Sequence[Log]) -> list[_Load]:
     """What each named spring of the nominal model bears in the logs at rest; joints that are not measured are
     where runs begin.
     """

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Recording, Runs
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
-_WHOLE = "session"
 CLOCK_BEGAN = "clock_began_s"
 """In a session's metadata, the clock of its log at the log's first row [s]"""
 _PRIOR = "prior_runtime_s"
@@ -35,7 +35,7 @@ class Clocks:
         return Clocks(np.concatenate(begun), np.concatenate(prior))
 
 
-def in_sequence(sessions: Sequence[Recording]) -> list[Recording]:
+def in_sequence(sessions: Sequence[Log]) -> list[Log]:
     """Sessions that know when they began: by their clocks, if these could be one; else as they are listed,
     where a clock that begins anew goes on where the session before ended.
     """
@@ -60,32 +60,16 @@ def _one_after_the_other(ends: Sequence[Array]) -> list[Array]:
     return found
 
 
-def part_of(run: Recording, rows: slice) -> Recording:
-    """Some rows of a session, which know the whole of it."""
-    columns = {name: values[rows].copy() for name, values in run.columns.items()}
-    return Recording(run.path, {**run.metadata, _WHOLE: run}, columns, run.name)
+def sessions_of(pieces: Segments) -> list[Log]:
+    """The sessions that segments are parts of, each once."""
+    return list({id(each): each for each in pieces.log}.values())
 
 
-def wholes_of(pieces: Runs) -> list[Recording]:
-    """The whole sessions of runs that are parts of them."""
-    return [about[_WHOLE] for about in pieces.metadata if _WHOLE in about]
+def clocks_of(pieces: Segments) -> Clocks:
+    """When segments begin."""
+    return Clocks(pieces.begun, pieces.prior_runtime)
 
 
-def sessions_of(pieces: Runs) -> list[Recording]:
-    """The whole sessions of runs that are parts of them, each once."""
-    return list({id(each): each for each in wholes_of(pieces)}.values())
-
-
-def clocks_of(pieces: Runs) -> Clocks:
-    """When runs begin."""
-    first = pieces.time[:, 0]
-    wholes = wholes_of(pieces)  # if there are none, each run is a session
-    begun = np.array([each.time[0] for each in wholes]) if wholes else first
-    about = zip(pieces.metadata, begun, strict=True)
-    prior = np.array([each.get(_PRIOR, otherwise) for each, otherwise in about])
-    return Clocks(first - begun, prior)
-
-
-def session_time(pieces: Runs) -> Array:
+def session_time(pieces: Segments) -> Array:
     """Times of the rows since their session began [s], (S, T)."""
-    return pieces.time - pieces.time[:, :1] + clocks_of(pieces).begun[:, None]
+    return pieces.time - pieces.time[:, :1] + pieces.begun[:, None]

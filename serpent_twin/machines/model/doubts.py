@@ -7,10 +7,11 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.description import POSES, Described, MeasuredColumns, TimeColumn
 from serpent_twin.numerals import counted
 from serpent_twin.tables import DataTable
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 from serpent_twin.units import TO_SI
 
 FEWEST = 8
@@ -23,7 +24,7 @@ _SHORTEST_LOG = 100
 """Time steps of a whole log whose rows are shorter than one"""
 
 
-def require_paced(machine: Described, path: Path, session: Recording) -> None:
+def require_paced(machine: Described, path: Path, session: Log) -> None:
     """Refuse a motion of few rows, or at times that are no motion's of this model."""
     if len(session) < FEWEST:
         raise SerpentError(
@@ -104,7 +105,7 @@ def require_within(
         )
 
 
-def require_moving_poses(machine: Described, pieces: Runs) -> None:
+def require_moving_poses(machine: Described, pieces: Segments) -> None:
     """Refuse poses that are all one: nothing follows from them."""
     told = np.array([pieces.column[each.column] for each in machine.about.drive])
     if machine.about.rows == POSES and not np.ptp(told, axis=(1, 2)).any():
@@ -114,7 +115,7 @@ def require_moving_poses(machine: Described, pieces: Runs) -> None:
         )
 
 
-def require_enough(machine: Described, numbers: int, pieces: Runs) -> None:
+def require_enough(machine: Described, numbers: int, pieces: Segments) -> None:
     """Refuse logs with fewer measured values than numbers that a fit would move."""
     known = int(np.isfinite(pieces.measured).sum())
     if known <= numbers:
@@ -124,7 +125,7 @@ def require_enough(machine: Described, numbers: int, pieces: Runs) -> None:
         )
 
 
-def require_varied(machine: Described, training: Sequence[Recording]) -> None:
+def require_varied(machine: Described, training: Sequence[Log]) -> None:
     """Refuse a measured thing that is one and the same in all logs, as of a sensor that is not connected."""
     for each in machine.about.measured:
         values = np.array(

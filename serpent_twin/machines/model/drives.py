@@ -13,18 +13,18 @@ from serpent_twin.effects import CABLE, Effect, Instant
 from serpent_twin.effects.instant import MomentAtPlace
 from serpent_twin.effects.law import ACTUATOR_COMMAND, Law
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.full_rate import full_rate
 from serpent_twin.machines.model.state_effects import acts_on_state
+from serpent_twin.tables.segments import Segments
 
 PARTS = 4
 """Of a row, in which what effects make of commands may change"""
 
 
-def commands(machine: Described, pieces: Runs, every: int = 1) -> Array:
+def commands(machine: Described, pieces: Segments, every: int = 1) -> Array:
     """What the log tells the actuators, so many times in each row, (S, T every, nu)."""
     S, T = pieces.time.shape
     out = np.tile(machine.keyframe_controls, (S, T * every, 1))
@@ -35,7 +35,7 @@ def commands(machine: Described, pieces: Runs, every: int = 1) -> Array:
 
 
 def controls(
-    machine: Described, there: Sequence[Effect], x: Mapping[str, float], pieces: Runs
+    machine: Described, there: Sequence[Effect], x: Mapping[str, float], pieces: Segments
 ) -> Array:
     """What the drives tell the actuators, (S, T, nu), at coordinates `x` of the fit.
 
@@ -97,7 +97,7 @@ class ToldBefore:
     def __init__(self) -> None:
         self._found: dict[Hashable, Array] = {}
 
-    def of(self, twin: Hashable, pieces: Runs, find: Callable[[], Array]) -> Array:
+    def of(self, twin: Hashable, pieces: Segments, find: Callable[[], Array]) -> Array:
         """What was found of such a twin in such runs, or is found now."""
         logged = [(name, hash(of.tobytes())) for name, of in pieces.column.items()]
         key = twin, *logged, pieces.time.tobytes(), pieces.period.tobytes()

@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.effects import Effect
-from serpent_twin.machines.measured import Recording, Runs, cut
-from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
+from serpent_twin.machines.model.clocks import clocks_of, sessions_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.full_rate import columns_between
@@ -15,6 +14,7 @@ from serpent_twin.machines.model.replay import FollowedSessions
 from serpent_twin.machines.model.seen import address, beginning
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 from serpent_twin.machines.model.state_effects import Acting, Earlier, acting_on_state
+from serpent_twin.tables.segments import Piece, Segments, cut
 
 
 def acting(
@@ -22,7 +22,7 @@ def acting(
     model: mujoco.MjModel,
     there: Sequence[Effect],
     x: Mapping[str, float],
-    pieces: Runs,
+    pieces: Segments,
     past: FollowedSessions | None = None,
     twin: int = 0,
 ) -> Acting | None:
@@ -32,9 +32,10 @@ def acting(
     several = acting_on_state(there, model)
     if not several:
         return None
-    wholes, earlier = wholes_of(pieces), None
-    if wholes and any(each.recalls for each in several) and measured_joints(machine):
-        earlier = _earlier(machine, model, there, x, pieces, wholes, past, twin)
+    earlier = None
+    recalls = any(each.recalls for each in several) and not pieces.planned
+    if recalls and measured_joints(machine):
+        earlier = _earlier(machine, model, there, x, pieces, past, twin)
     return Acting([several] * len(pieces), clocks_of(pieces), earlier)
 
 
@@ -43,8 +44,7 @@ def _earlier(
     model: mujoco.MjModel,
     there: Sequence[Effect],
     x: Mapping[str, float],
-    pieces: Runs,
-    wholes: Sequence[Recording],
+    pieces: Segments,
     past: FollowedSessions | None,
     twin: int,
 ) -> Earlier:
@@ -53,7 +53,7 @@ def _earlier(
     joints = measured_joints(machine)
     drives = [*(each.column for each in machine.about.drive), *columns_between(machine)]
     columns = [of(joint) for joint in joints for of in (angle_of, rate_of)]
-    runs = cut(distinct, [*drives, *columns], list(joints.values()))
+    runs = cut([Piece.whole(each) for each in distinct], [*drives, *columns], list(joints.values()))
     told = controls(machine, there, x, runs)
     pose = np.tile(beginning(model, machine), (*runs.time.shape, 1))
     rate = np.zeros((*runs.time.shape, model.nv))
@@ -65,9 +65,6 @@ def _earlier(
         rate[..., int(model.joint(joint).dofadr[0])] = runs.column[rate_of(joint)]
     for each in (pose, rate):  # while a drive holds what it is told in a row
         each[:, :-1] = (each[:, :-1] + each[:, 1:]) / 2
-    session = np.array([[each is one for one in distinct].index(True) for each in wholes])
-    starts = [
-        np.searchsorted(each.time, t) for each, t in zip(wholes, pieces.time[:, 0], strict=True)
-    ]
+    session = np.array([[each is one for one in distinct].index(True) for each in pieces.log])
     parts = told.shape[1] // runs.time.shape[1]
-    return Earlier(pose, rate, told[:, ::parts], session, np.array(starts), runs.period[session])
+    return Earlier(pose, rate, told[:, ::parts], session, pieces.first, runs.period[session])

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import Described, MeasuredColumns
 from serpent_twin.machines.model.things import acts_on, joint_type
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
+from serpent_twin.tables.log import Log
 
 _TURN = 2 * np.pi
 _FASTER = 3.0
@@ -25,7 +25,7 @@ _FEWEST, _SHARE = 8, 0.05
 """Readings that are evidently repeated: how many there must be, and which share of all that are new"""
 
 
-def put_right(machine: Described, run: Recording) -> Recording:
+def put_right(machine: Described, run: Log) -> Log:
     """A session with whole turns taken out of angles that wrap, and without readings that are repeated; its
     metadata says so.
     """
@@ -48,9 +48,7 @@ def put_right(machine: Described, run: Recording) -> Recording:
     return replace(run, columns=columns, metadata=run.metadata | {NOTES: tuple(notes)})
 
 
-def _unwrapped(
-    machine: Described, run: Recording, each: MeasuredColumns
-) -> tuple[Array, list[str]]:
+def _unwrapped(machine: Described, run: Log, each: MeasuredColumns) -> tuple[Array, list[str]]:
     """The angle of a hinge [rad] without jumps of a turn, in the turn in which its servo is; and what is said
     of it.
     """
@@ -77,7 +75,7 @@ def _unwrapped(
 
 
 def _turns_from_servo(
-    machine: Described, run: Recording, joint: str, rows: NDArray[np.intp], angle: Array
+    machine: Described, run: Log, joint: str, rows: NDArray[np.intp], angle: Array
 ) -> int:
     """By how many turns a hinge's servo is told to be elsewhere; 0 without one, or where whole turns leave it
     elsewhere still.

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.tables.log import Log
 
 
-def thinned(machine: Described, run: Recording) -> Recording:
+def thinned(machine: Described, run: Log) -> Log:
     """One row of so many, with further columns of the commands in the rows between: a command holds until
     the next row of the file. Where rows are poses, what was told between has no effect.
     """

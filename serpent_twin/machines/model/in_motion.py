@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect
-from serpent_twin.machines.measured import Recording, Runs, cut
-from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
+from serpent_twin.machines.model.clocks import clocks_of, sessions_of
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import ToldBefore, controls
@@ -36,6 +35,8 @@ from serpent_twin.machines.model.starts import (
 from serpent_twin.machines.model.state_effects import together
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.switches import switched_off
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Piece, Segments, cut
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class MovingTwin:
     told: ToldBefore
     """Controls of the twins before it"""
 
-    def _controls(self, pieces: Runs) -> Array:
+    def _controls(self, pieces: Segments) -> Array:
         """What the actuators are told; without effects on that, it is quicker computed than looked up."""
         made = partial(controls, self.machine, self.there, self.x, pieces)
         on_drives = [repr(each) for each in self.there if each.acts_at < CABLE]
@@ -61,7 +62,7 @@ class MovingTwin:
         coordinates = [self.x.get(name, 0.0) for name in drives]
         return self.told.of((*coordinates, *on_drives), pieces, made)
 
-    def driven(self, pieces: Runs) -> DrivenRuns:
+    def driven(self, pieces: Segments) -> DrivenRuns:
         """The models of its runs, which may state numbers of their own, and what drives them."""
         models: list[Any] = [None] * len(pieces)
         for known, which in by_known_numbers(self.machine, pieces).items():
@@ -99,7 +100,7 @@ class TwinsInMotion:
     steps: int
     """Of time in a row, at least"""
 
-    def shown(self, pieces: Runs) -> Array:
+    def shown(self, pieces: Segments) -> Array:
         """What is read of each twin in each row, (D, S, T, C)."""
         sensed = self._sensed(pieces, self.measured)
         motion = self.motion(pieces)
@@ -107,14 +108,14 @@ class TwinsInMotion:
         found = sensed(seen, angles=joint_angles(motion.driven.models[0], pose))
         return found.reshape(len(self.twins), len(pieces), *found.shape[1:])
 
-    def motion(self, pieces: Runs) -> DrivenMotion:
+    def motion(self, pieces: Segments) -> DrivenMotion:
         """The runs, from where the log begins."""
         machine, twins = self.machine, self.twins
         each = [twin.driven(pieces) for twin in twins]
         begin = beginning(each[0].models[0], machine)
         at = start(machine, begin, pieces).repeated(len(twins))
         past = None
-        if self._replays(each[0].models[0]) and wholes_of(pieces):
+        if self._replays(each[0].models[0]) and not pieces.planned:
             own = machine.model.na or not all_measured(machine)  # whose beginning logs say
             if not own and only_filters(each[0].models[0]):
                 at = replace(at, whole=self._filtered(begin, pieces))
@@ -141,7 +142,7 @@ class TwinsInMotion:
         more = model.na or model.nhistory or not all_measured(machine)
         return bool(more) and not machine.prescribed
 
-    def _followed(self, pieces: Runs) -> FollowedSessions:
+    def _followed(self, pieces: Segments) -> FollowedSessions:
         """The twins in the whole sessions of some runs, those of one after those of the other, until the last
         of these begins.
         """
@@ -154,19 +155,20 @@ class TwinsInMotion:
         seen = Seen(self.machine, self.frame, [twin.x for twin in self.twins])
         sessions = Sessions(self.machine, driven, seen, self.steps, joints.repeated(n))
         begun = sessions.begun(self.begun.of(distinct) * n)
-        rows = int(_places(pieces)[1].max()) + 1
+        rows = int(pieces.first.max()) + 1
         return followed(driven, seen, self.steps, sessions.joints, begun, rows)
 
-    def _filtered(self, begin: Array, pieces: Runs) -> FullStates:
+    def _filtered(self, begin: Array, pieces: Segments) -> FullStates:
         """How runs begin where a state holds no more than measured joints and filters of the commands."""
         runs, _ = self._sessions(sessions_of(pieces))
         driven = DrivenRuns.together([twin.driven(runs) for twin in self.twins])
         return filtered(driven, begin).at(*_from_sessions(pieces, len(self.twins)))
 
-    def _sessions(self, wholes: Sequence[Recording]) -> tuple[Runs, MeasuredJoints]:
+    def _sessions(self, wholes: Sequence[Log]) -> tuple[Segments, MeasuredJoints]:
         """Whole sessions, and their measured joints."""
         channels = [name for each in self.machine.about.measured for name in each.columns]
-        runs, names = cut(wholes, self.columns, channels), tuple(measured_joints(self.machine))
+        runs = cut([Piece.whole(each) for each in wholes], self.columns, channels)
+        names = tuple(measured_joints(self.machine))
         angle, rate = (
             np.stack([runs.column[of(name)] for name in names], axis=-1)
             if names
@@ -175,46 +177,38 @@ class TwinsInMotion:
         )
         return runs, MeasuredJoints(names, angle, rate)
 
-    def _nominal_sessions(self, wholes: Sequence[Recording]) -> tuple[Sessions, Runs]:
+    def _nominal_sessions(self, wholes: Sequence[Log]) -> tuple[Sessions, Segments]:
         """The nominal model in whole sessions."""
         runs, joints = self._sessions(wholes)
         seen = Seen(self.machine, self.frame, [self.nominal.x])
         driven = self.nominal.driven(runs)
         return Sessions(self.machine, driven, seen, self.steps, joints), runs
 
-    def _sensed(self, pieces: Runs, names: Sequence[str]) -> Callable[..., Array]:
+    def _sensed(self, pieces: Segments, names: Sequence[str]) -> Callable[..., Array]:
         """What sensors of named things make of the twins' runs, as `reread`."""
         per_run = [twin.there for twin in self.twins for _ in range(len(pieces))]
         n, clocks = len(self.twins), clocks_of(pieces)
         period = np.tile(pieces.period, n)
         return partial(reread, per_run, names, period=period, clocks=clocks.repeated(n))
 
-    def _start_gain(self, pieces: Runs) -> Array:
+    def _start_gain(self, pieces: Segments) -> Array:
         """How the nominal model's starts are improved."""
         machine, seen = self.machine, Seen(self.machine, self.frame, [self.nominal.x])
         at = start(machine, machine.begin, pieces)
-        if self._replays(machine.model) and wholes_of(pieces):
+        if self._replays(machine.model) and not pieces.planned:
             past = replace(self, twins=[self.nominal])._followed(pieces)
             at = replace(at, whole=_beginnings(past, pieces, 1))
         return start_gain(self.nominal.driven(pieces), at, seen, self.steps)
 
 
-def _places(pieces: Runs) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """In which of their sessions runs begin, and in which row of it, (S,) each."""
-    wholes, distinct = wholes_of(pieces), sessions_of(pieces)
-    session = [[each is one for one in distinct].index(True) for each in wholes]
-    begun = zip(wholes, pieces.time[:, 0], strict=True)
-    return np.array(session), np.array([np.searchsorted(each.time, t) for each, t in begun])
-
-
-def _beginnings(past: FollowedSessions, pieces: Runs, twins: int) -> FullStates:
+def _beginnings(past: FollowedSessions, pieces: Segments, twins: int) -> FullStates:
     """States in which the runs of some twins begin, one twin after the other."""
     return past.at(*_from_sessions(pieces, twins))
 
 
-def _from_sessions(pieces: Runs, twins: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _from_sessions(pieces: Segments, twins: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The session, of those of some twins one after the other, and the row in which each run begins."""
-    session, row = _places(pieces)
-    several = len(sessions_of(pieces))
-    each = [twin * several + session for twin in range(twins)]
-    return np.concatenate(each), np.tile(row, twins)
+    distinct = sessions_of(pieces)
+    session = np.array([[each is one for one in distinct].index(True) for each in pieces.log])
+    each = [twin * len(distinct) + session for twin in range(twins)]
+    return np.concatenate(each), np.tile(pieces.first, twins)

@@ -8,10 +8,11 @@ import numpy as np
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.description import Described, Description, KnownNumber
 from serpent_twin.machines.model.numbers import NUMBERS, names_of, numbers_of
 from serpent_twin.machines.model.things import OBJECTS, names, unknown
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
 STATED = "stated"
 """In a session's metadata, the numbers that it states, by name"""
@@ -34,7 +35,7 @@ def amiss_known(about: Description, model: mujoco.MjModel) -> Iterator[tuple[str
         there.add((each.number, each.of))
 
 
-def stated(machine: Described, session: Recording, metadata: Mapping[str, Any]) -> dict[str, float]:
+def stated(machine: Described, session: Log, metadata: Mapping[str, Any]) -> dict[str, float]:
     """The values in a session of what `[[known]]` names, by name; raises a `SerpentError` that says which is
     none, not constant, or of the wrong sign.
     """
@@ -52,7 +53,7 @@ def stated(machine: Described, session: Recording, metadata: Mapping[str, Any]) 
     return found
 
 
-def _stated(session: Recording, name: str, metadata: Mapping[str, Any]) -> float:
+def _stated(session: Log, name: str, metadata: Mapping[str, Any]) -> float:
     path = session.path
     if name in session.columns:
         values = session.columns[name]
@@ -97,7 +98,7 @@ def _factors(machine: Described, metadata: Mapping[str, Any]) -> tuple[Factor, .
     )
 
 
-def by_known_numbers(machine: Described, pieces: Runs) -> dict[tuple[Factor, ...], list[int]]:
+def by_known_numbers(machine: Described, pieces: Segments) -> dict[tuple[Factor, ...], list[int]]:
     """Segments whose sessions state the same numbers, by these."""
     groups: dict[tuple[Factor, ...], list[int]] = {}
     for n, metadata in enumerate(pieces.metadata):

@@ -10,9 +10,9 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import MOTION, Described, DriveColumn, MeasuredColumns
 from serpent_twin.machines.model.doubts import FEWEST
+from serpent_twin.tables.segments import Segments
 from serpent_twin.units import TO_SI
 
 _ALIKE, _ABOUT = 0.9, 1.4
@@ -27,7 +27,7 @@ _SAME = 0.98
 """Correlation of one motion on two clocks"""
 
 
-def require_units(machine: Described, pieces: Runs, found: Array) -> None:
+def require_units(machine: Described, pieces: Segments, found: Array) -> None:
     """Refuse a column that follows the model, (S, T, C), or else the servo of its joint, but with the other
     sign, in another unit or before it is told to.
     """
@@ -42,7 +42,7 @@ def require_units(machine: Described, pieces: Runs, found: Array) -> None:
                 raise SerpentError(f"{machine.path}: {columns} of {session} {why}")
 
 
-def require_own(machine: Described, pieces: Runs, found: Array) -> None:
+def require_own(machine: Described, pieces: Segments, found: Array) -> None:
     """Refuse two columns that follow what the model, (S, T, C), or the servo of its joint, shows of each
     other.
     """
@@ -69,7 +69,7 @@ def _best(measured: Array, several: list[Array]) -> float:
 
 
 def _shown(
-    machine: Described, each: MeasuredColumns, at: int, pieces: Runs, found: Array
+    machine: Described, each: MeasuredColumns, at: int, pieces: Segments, found: Array
 ) -> list[Array]:
     """What the model shows of a measured thing, and what its servos are told, (S, T, 1) each."""
     goals = [goal for _, goal in _servos(machine, each.joint, pieces)]
@@ -77,7 +77,7 @@ def _shown(
 
 
 def _amiss(
-    machine: Described, each: MeasuredColumns, pieces: Runs, measured: Array, found: Array
+    machine: Described, each: MeasuredColumns, pieces: Segments, measured: Array, found: Array
 ) -> str:
     """What is wrong with what is measured of a session, (S, T, c), where the model shows (S, T, c)."""
     period = float(np.median(pieces.period)) if machine.about.rows == MOTION else np.inf
@@ -103,7 +103,9 @@ def _amiss(
     return f"would fit {thing} {by_model}" if by_model else ""
 
 
-def _servos(machine: Described, joint: str, pieces: Runs) -> Iterator[tuple[DriveColumn, Array]]:
+def _servos(
+    machine: Described, joint: str, pieces: Segments
+) -> Iterator[tuple[DriveColumn, Array]]:
     """The drives of a joint's servos, and where these are told to be, (S, T, 1)."""
     model = machine.model
     for each in machine.commanded if joint else ():

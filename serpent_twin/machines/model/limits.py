@@ -8,8 +8,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import Described, DriveColumn
+from serpent_twin.tables.log import Log
 
 _FASTEST = 99.0
 """Percentile of a drive's changes, in rows in which it moves, that a motion keeps"""
@@ -39,7 +39,7 @@ class LoggedLimits:
     """Of the longest log"""
 
 
-def logged_limits(machine: Described, training: Sequence[Recording]) -> LoggedLimits:
+def logged_limits(machine: Described, training: Sequence[Log]) -> LoggedLimits:
     """Of the training logs."""
     drives = tuple({each.column: each for each in machine.commanded}.values())
     ids = [machine.model.actuator(each.actuator).id for each in drives]

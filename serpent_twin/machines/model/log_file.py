@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import KEY, Recording
+from serpent_twin.machines.measured import KEY
 from serpent_twin.machines.model.clocks import in_sequence
 from serpent_twin.machines.model.description import (
     MOTION,
@@ -37,13 +37,14 @@ from serpent_twin.machines.model.log_rows import Columns, rows_in_motion
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
 from serpent_twin.tables import DataTable, imported, lerobot
+from serpent_twin.tables.log import Log
 from serpent_twin.units import TO_SI
 
 _ADVICE = "Name the column in machine.toml as the log has it."
 _OTHER = "Name another column in machine.toml."
 
 
-def read_runs(machine: Described, folder: Path) -> list[Recording]:
+def read_runs(machine: Described, folder: Path) -> list[Log]:
     """The sessions of a folder's logs, by name (run_2 before run_10), or of a file, each knowing when it
     began.
     """
@@ -55,7 +56,7 @@ def read_runs(machine: Described, folder: Path) -> list[Recording]:
     return in_sequence([each for log in logs for each in read(machine, log)])
 
 
-def read(machine: Described, log: LogTables) -> list[Recording]:
+def read(machine: Described, log: LogTables) -> list[Log]:
     """The sessions of one log, columns in SI units; raises a `SerpentError` that names file and column."""
     about, table = machine.about, log.tables[0]
     if table.rows < FEWEST:
@@ -64,7 +65,7 @@ def read(machine: Described, log: LogTables) -> list[Recording]:
         )
     several = [_columns(machine, each) for each in log.tables]
     labels = _labels(machine, table)
-    whole = Recording(table.path, {"arm": machine.name}, {}, log.name)
+    whole = Log(table.path, {"arm": machine.name}, {}, log.name)
     split = rows_in_motion if about.rows == MOTION else poses
     found, notes = split(machine, whole, several, labels)
     found = [thinned(machine, each) for each in found]

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.clocks import CLOCK_BEGAN
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.machines.model.log_rows import Columns, alike
 from serpent_twin.numerals import counted, listed
+from serpent_twin.tables.log import Log
 
 
 def poses(
-    machine: Described, whole: Recording, several: Sequence[Columns], labels: NDArray[Any] | None
-) -> tuple[list[Recording], list[str]]:
+    machine: Described, whole: Log, several: Sequence[Columns], labels: NDArray[Any] | None
+) -> tuple[list[Log], list[str]]:
     """Poses row by row; those without a command are left out, and that is said."""
     if len(several) > 1:
         raise SerpentError(
@@ -49,7 +49,7 @@ def poses(
     return ([run] if labels is None else _by_label(run, labels[kept])), notes
 
 
-def _by_label(whole: Recording, labels: NDArray[Any]) -> list[Recording]:
+def _by_label(whole: Log, labels: NDArray[Any]) -> list[Log]:
     """A log in parts, each of one label."""
     return [
         replace(

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.clocks import CLOCK_BEGAN
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.machines.model.starts import measured_joints
 from serpent_twin.numerals import counted, listed
 from serpent_twin.tables.even import EvenRows, Mended, UnevenError, even_rows
+from serpent_twin.tables.log import Log
 from serpent_twin.tables.sampling import (
     between,
     bridged,
@@ -58,11 +58,11 @@ def alike(labels: NDArray[Any]) -> list[slice]:
 
 
 def rows_in_motion(
-    machine: Described, whole: Recording, several: Sequence[Columns], labels: NDArray[Any] | None
-) -> tuple[list[Recording], list[str]]:
+    machine: Described, whole: Log, several: Sequence[Columns], labels: NDArray[Any] | None
+) -> tuple[list[Log], list[str]]:
     """A motion on an even clock, in parts where it pauses; and sentences on what was put right."""
     base, *others = several
-    found: list[Recording] = []
+    found: list[Log] = []
     mended, notes = Mended(), list[str]()
     began: float | None = None
     parts = [slice(None)] if labels is None else alike(labels)
@@ -94,7 +94,7 @@ def rows_in_motion(
     return found, list(dict.fromkeys([*([f"{base.path}: {said}."] if said else []), *notes]))
 
 
-def _is_enough(part: Recording, one: Columns) -> bool:
+def _is_enough(part: Log, one: Columns) -> bool:
     """Whether a part of a log has rows, and a reading in each column."""
     known = all(np.isfinite(part.columns[name]).any() for name in one.measured)
     return len(part) >= FEWEST and known
@@ -118,13 +118,13 @@ def _even(machine: Described, one: Columns) -> list[EvenRows]:
 
 
 def _recording(
-    whole: Recording,
+    whole: Log,
     even: EvenRows,
     one: Columns,
     others: Sequence[Columns],
     began: float,
     notes: list[str],
-) -> Recording:
+) -> Log:
     """One part of a log in even rows."""
     last = np.maximum.accumulate(np.where(even.row >= 0, np.arange(len(even.row)), 0))
     row = even.row[last]  # of a lost row, the one before

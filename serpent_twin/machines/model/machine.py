@@ -20,7 +20,7 @@ from serpent_twin.machines.machine import (
     by_coordinate,
     effects_at,
 )
-from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
+from serpent_twin.machines.measured import RunMachine
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
@@ -47,6 +47,8 @@ from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
 from serpent_twin.sim.quiet import quietly
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments, cut
 
 EVERY = 1_000_000
 """Segments of the last fit: all"""
@@ -169,13 +171,12 @@ class ModelMachine(RunMachine):
         """The physical quantity of each coordinate."""
         return tuple(each.quantity for each in self.coordinates)
 
-    def pieces(self, sessions: Sequence[Recording]) -> Runs:
+    def pieces(self, sessions: Sequence[Log]) -> Segments:
         """Sessions in segments of some rows; whole, if a motion can start from its first row only."""
-        outputs = [each.name for each in self.outputs]
-        parts = [part for run in sessions for part in segments(self.described, run, outputs)]
-        return cut(parts, self.columns, outputs)
+        parts = [part for run in sessions for part in segments(self.described, run)]
+        return cut(parts, self.columns, [each.name for each in self.outputs])
 
-    def block_rows(self, pieces: Runs) -> int:
+    def block_rows(self, pieces: Segments) -> int:
         """As few as can be; of sessions that are simulated whole those of a usual segment, so that few are
         left: a motion's error follows that of the rows before.
         """
@@ -208,7 +209,7 @@ class ModelMachine(RunMachine):
         return spec.compile()
 
     def respond(
-        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: Segments, timestep: float | None = None
     ) -> Array:
         """What twins show in each row, (D, S, T, C); not finite where a twin does not come to rest."""
         with quietly(), np.errstate(all="ignore"):  # what is unstable is said by who asks
@@ -258,7 +259,7 @@ class ModelMachine(RunMachine):
         return self.row / STEPS[0] if self.steps > STEPS[0] and self.row else None
 
     def responses_at_places(
-        self, point: ParameterVector, pieces: Runs
+        self, point: ParameterVector, pieces: Segments
     ) -> ModelPlaces | PlacesInRow | None:
         """What changes at the model's places would show; of motion, None where it has joints of other kinds,
         or many.
@@ -278,8 +279,8 @@ class ModelMachine(RunMachine):
         return units_of_law(self.described, law)
 
     def measured_again(
-        self, pieces: Runs, point: ParameterVector, rng: np.random.Generator
-    ) -> Runs:
+        self, pieces: Segments, point: ParameterVector, rng: np.random.Generator
+    ) -> Segments:
         """The same segments, begun by readings with further noise, where readings say how they begin."""
         if self.described.about.rows == POSES:
             return pieces
@@ -293,6 +294,6 @@ class ModelMachine(RunMachine):
         seconds: float,
         rate_hz: float,
         rng: np.random.Generator,
-    ) -> Proposals[Runs]:
+    ) -> Proposals[Segments]:
         """Motions in the columns and units of its logs, within what these used and showed."""
         return proposed(self, point, count, seconds, rate_hz, rng)

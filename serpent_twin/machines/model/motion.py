@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.seen import Seen, segments_of
 from serpent_twin.machines.model.starts import SegmentStart
 from serpent_twin.machines.model.state_effects import Acting
 from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
+from serpent_twin.tables.segments import Segments
 
 _IMPROVED = 4
 """Times, enough for a machine that is heavier by a half than the model whose gains they are"""
@@ -112,7 +112,7 @@ class StartGains:
     def __init__(self) -> None:
         self._found: dict[tuple[Hashable, ...], Array] = {}
 
-    def of(self, pieces: Runs, find: Callable[[Runs], Array]) -> Array:
+    def of(self, pieces: Segments, find: Callable[[Segments], Array]) -> Array:
         """The gains of all segments, (S, 2 J, J LEAD)."""
         keys = segments_of(pieces)
         if any(key not in self._found for key in keys):

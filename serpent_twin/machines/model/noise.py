@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import MOTION, Described, MeasuredColumns
+from serpent_twin.tables.log import Log
 from serpent_twin.units import TO_SI
 
 _STILL = 0.005
@@ -24,7 +24,7 @@ _FOURTH = np.sqrt(70.0)
 
 
 def noise(
-    machine: Described, training: Sequence[Recording], measured: MeasuredColumns, name: str
+    machine: Described, training: Sequence[Log], measured: MeasuredColumns, name: str
 ) -> float:
     """Standard deviation of a column [SI]: as stated; or from poses that a log repeats, or from the fourth
     differences of a motion.
@@ -38,7 +38,7 @@ def noise(
     return max(_LEAST * span, _deviation(apart) / np.sqrt(2))
 
 
-def _span(training: Sequence[Recording], name: str) -> float:
+def _span(training: Sequence[Log], name: str) -> float:
     """Of a column in all logs."""
     values = np.concatenate([run.columns[name] for run in training])
     return float(np.nanmax(values) - np.nanmin(values))
@@ -61,7 +61,7 @@ def _jitter(several: Sequence[Array]) -> float:
     return _deviation(np.concatenate([np.diff(row, n=4) for row in rows])) / _FOURTH
 
 
-def _again(machine: Described, training: Sequence[Recording], name: str) -> Array:
+def _again(machine: Described, training: Sequence[Log], name: str) -> Array:
     """By how much a column differs in poses that a log repeats."""
     drives = [
         np.array([run.columns[each.column] for each in machine.about.drive]) for run in training

@@ -16,7 +16,6 @@ from serpent_twin.effects.law import (
     READINGS,
     Law,
 )
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.along import Along
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.description import Described
@@ -29,6 +28,7 @@ from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.things import joint_type, lengths
 from serpent_twin.machines.places import LaggedResponse, Places, Response, RowMotion, by_forces
 from serpent_twin.residual import FORCE, TORQUE
+from serpent_twin.tables.segments import Segments
 
 MOST = 12
 """Joints or bodies of a model at which laws are sought"""
@@ -66,7 +66,7 @@ def _slides(model: mujoco.MjModel, name: str) -> bool:
     return False
 
 
-def clocks_and_commands(machine: Described, pieces: Runs) -> dict[tuple[str, str], Array]:
+def clocks_and_commands(machine: Described, pieces: Segments) -> dict[tuple[str, str], Array]:
     """What laws may follow at rest and in motion, (S, T), by the reading and its place."""
     told, rows = commands(machine, pieces), session_time(pieces)
     names = [each.actuator for each in machine.commanded]
@@ -90,7 +90,7 @@ class ModelPlaces(Places):
     """The thing that each channel is of, (C,)"""
     states: RowStates
     forced: ForcedRows
-    pieces: Runs
+    pieces: Segments
 
     @classmethod
     def of(
@@ -98,7 +98,7 @@ class ModelPlaces(Places):
         machine: Described,
         measured: Sequence[str],
         motion: DrivenMotion,
-        pieces: Runs,
+        pieces: Segments,
     ) -> "ModelPlaces":
         """Those of a motion of one twin."""
         states, varies = motion.states(), commands(machine, pieces).std(axis=(0, 1))

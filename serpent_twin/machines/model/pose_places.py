@@ -17,7 +17,6 @@ from serpent_twin.effects.law import (
     Law,
 )
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.places import (
@@ -29,6 +28,7 @@ from serpent_twin.machines.model.places import (
 from serpent_twin.machines.model.pose_changes import PoseChanges
 from serpent_twin.machines.model.things import lengths
 from serpent_twin.machines.places import PlaceResponse, PlacesInRow, with_more
+from serpent_twin.tables.segments import Segments
 
 T = TypeVar("T")
 _SHARE = 0.1
@@ -41,9 +41,9 @@ _ROUNDING = 1e-6
 
 def places_at_rest(
     twin: TwinAtRest,
-    respond: Callable[[Sequence[ParameterVector], Runs], Array],
+    respond: Callable[[Sequence[ParameterVector], Segments], Array],
     point: ParameterVector,
-    pieces: Runs,
+    pieces: Segments,
 ) -> PlacesInRow:
     """Those of a twin. What dry friction takes up of a torque, a force or a slack is left out."""
     machine, measured, shape = twin.machine, twin.measured, pieces.time.shape
@@ -145,9 +145,9 @@ def _of_readings(twin: TwinAtRest, shape: tuple[int, ...]) -> Iterator[PlaceResp
 
 def _of_commands(
     machine: Described,
-    respond: Callable[[Sequence[ParameterVector], Runs], Array],
+    respond: Callable[[Sequence[ParameterVector], Segments], Array],
     point: ParameterVector,
-    pieces: Runs,
+    pieces: Segments,
 ) -> list[PlaceResponse]:
     """By differences: the twin is settled again for each actuator, with its command changed a little."""
     laws, steps = [], []

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.clocks import Clocks, clocks_of, session_time
 from serpent_twin.machines.model.prescribed import KnownMotion, Prescription
 from serpent_twin.machines.model.seen import Seen, segments_of
@@ -20,6 +19,7 @@ from serpent_twin.runs.processes import threads
 from serpent_twin.sim.dry_friction import DryFriction, rubs
 from serpent_twin.sim.equilibrium import Equilibrium, GivingWay
 from serpent_twin.sim.stepper import side_by_side
+from serpent_twin.tables.segments import Segments
 
 _FELL_BACK = 0.2
 """Share of poses that are far from those known, above which new ones replace them"""
@@ -39,7 +39,7 @@ class PosedRuns:
     begin: Array
     """A pose from which a search may begin, (nq,)"""
     seen: Seen
-    pieces: Runs
+    pieces: Segments
     motion: KnownMotion | None
     """Of what is prescribed, which holds"""
     laws: Sequence[Effect]
@@ -213,7 +213,7 @@ class Rests:
     def __init__(self) -> None:
         self._found: dict[tuple[Hashable, ...], tuple[Array, GivingWay]] = {}
 
-    def of(self, model: mujoco.MjModel, pieces: Runs) -> tuple[Array | None, GivingWay | None]:
+    def of(self, model: mujoco.MjModel, pieces: Segments) -> tuple[Array | None, GivingWay | None]:
         """Poses (n, nq) of all rows in models of as many degrees of freedom and actuators, and how they give
         way there; None where some are unknown.
         """
@@ -224,7 +224,7 @@ class Rests:
         parts = [(each.inverse, each.pulls, each.arms) for each in giving]
         return np.concatenate(poses), GivingWay(*map(np.concatenate, zip(*parts, strict=True)))
 
-    def keep(self, pieces: Runs, poses: Array, giving: GivingWay) -> None:
+    def keep(self, pieces: Segments, poses: Array, giving: GivingWay) -> None:
         """Keep what was found of all rows."""
         rows = pieces.time.shape[1]
         sizes = giving.inverse.shape[-1], giving.pulls.shape[-1]

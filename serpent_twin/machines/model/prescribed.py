@@ -9,9 +9,10 @@ from mujoco.batch import Batch
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.coordinates import ratio_of, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
 _HELD = 0.9999
 """MuJoCo's impedance of a constraint that hardly gives way: the most that it allows"""
@@ -81,7 +82,7 @@ def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
         constraint.solimp[:2] = _HELD
 
 
-def with_rates(machine: Described, run: Recording) -> dict[str, Array]:
+def with_rates(machine: Described, run: Log) -> dict[str, Array]:
     """A log's columns, and the rate per row of each prescribed motion: of the cubic spline through all rows,
     whose acceleration does not jump.
     """
@@ -98,7 +99,9 @@ def rate_column(column: str) -> str:
     return f"{column} per row"
 
 
-def known_motion(machine: Described, x: Mapping[str, float], pieces: Runs) -> KnownMotion | None:
+def known_motion(
+    machine: Described, x: Mapping[str, float], pieces: Segments
+) -> KnownMotion | None:
     """What logs tell of prescribed joints and tendons, at coordinates `x` of the fit; nothing without any."""
     if not machine.prescribed:
         return None

@@ -10,7 +10,6 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import Output, ParameterVector
-from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.description import (
     POSES,
     Described,
@@ -32,6 +31,8 @@ from serpent_twin.machines.model.starts import (
     with_starts,
 )
 from serpent_twin.machines.proposals import CommandColumn, Proposals, kept_ones
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 from serpent_twin.units import TO_SI
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def proposed(
     seconds: float,
     rate_hz: float,
     rng: np.random.Generator,
-) -> Proposals[Runs]:
+) -> Proposals[Segments]:
     """Up to `count` motions, no longer than the longest log, or lists of poses."""
     described, logged = machine.described, machine.logged
     if described.prescribed:
@@ -72,7 +73,7 @@ def proposed(
     def make(kind: str, turn: int) -> Array:
         return commands(shapes[kind], logged, _SHARES[turn], rows, rests, rng)
 
-    def keep(targets: Sequence[Array], tried: int) -> list[tuple[Recording | None, str]]:
+    def keep(targets: Sequence[Array], tried: int) -> list[tuple[Log | None, str]]:
         return _logs(machine, point, np.array(targets), 1 / rate_hz, tried)
 
     kinds, targets, logs = kept_ones([*shapes], count, make, keep, f"{machine.name}'s")
@@ -89,7 +90,7 @@ def proposed(
 
 def _logs(
     machine: "ModelMachine", point: ParameterVector, targets: Array, period: float, tried: int
-) -> list[tuple[Recording | None, str]]:
+) -> list[tuple[Log | None, str]]:
     """What a twin makes of motions (M, T, D), of which the first has a number, each from rest; nothing, and
     why, where it leaves the limits.
     """
@@ -124,7 +125,7 @@ def _watched(machine: "ModelMachine") -> "ModelMachine":
     )
 
 
-def _runs(machine: "ModelMachine", watched: Described, told: Array, period: float) -> Runs:
+def _runs(machine: "ModelMachine", watched: Described, told: Array, period: float) -> Segments:
     """Runs in which the drives are told something, (M, T, D), from the middle of what the logs showed of the
     joints; from where the model's runs begin, if the logs lack some.
     """
@@ -141,8 +142,9 @@ def _runs(machine: "ModelMachine", watched: Described, told: Array, period: floa
         }
     column |= {name: np.ones(shape) for name in watched.switches}
     time = np.tile(period * np.arange(shape[1]), (shape[0], 1))
-    names = tuple(str(n) for n in range(shape[0]))
-    return Runs(names, ({},) * shape[0], time, column, np.empty((*shape, 0)))
+    logs = tuple(Log(None, {}, {"time": each}, str(n)) for n, each in enumerate(time))
+    first = np.zeros(len(logs), int)
+    return Segments(logs, first, time, column, np.empty((*shape, 0)), planned=True)
 
 
 def _beyond(found: Array, ends: Array, names: Sequence[str]) -> str:
@@ -173,7 +175,7 @@ def _restless(found: Array, still: Array, names: Sequence[str]) -> str:
 
 def _log(
     machine: "ModelMachine", name: str, told: Array, found: Array, settling: int, period: float
-) -> Recording:
+) -> Log:
     """The log of a response, (T, C + J), as if recorded; where runs start from rest alone with the rows in
     which it comes to rest, as nothing measured.
     """
@@ -187,7 +189,7 @@ def _log(
         **{name: np.ones(len(told) - first) for name in described.switches},
         **dict(zip([each.name for each in machine.outputs], seen[first:].T, strict=True)),
     }
-    run = Recording(None, {}, columns | held(described, columns), name)
+    run = Log(None, {}, columns | held(described, columns), name)
     return run if described.about.rows == POSES else with_starts(described, run)
 
 

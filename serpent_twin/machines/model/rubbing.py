@@ -9,11 +9,11 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import law_of
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.sizes import given, sized_candidate
 from serpent_twin.machines.model.springs import single_joints
+from serpent_twin.tables.segments import Segments
 
 _STRENGTH = {"tendon_friction": "force", "hinge_friction": "coulomb"}
 _SHOWS = 0.02
@@ -40,7 +40,7 @@ def rubbing(machine: Described) -> Iterator[Candidate]:
             yield from (candidate(f"{law}@{name}", **none) for name in names)
 
 
-def sized(machine: ModelMachine, few: Runs) -> ModelMachine:
+def sized(machine: ModelMachine, few: Segments) -> ModelMachine:
     """The same machine, its friction of such strengths as change what is seen of some poses by a share of
     its span.
     """
@@ -61,7 +61,7 @@ def _of_size(machine: Described, one: Candidate, law: str, typical: float) -> Ca
     return replace(one, ranges=there.ranges, variants=there.variants)
 
 
-def _typical(machine: ModelMachine, law: str, few: Runs, free: Array) -> float:
+def _typical(machine: ModelMachine, law: str, few: Segments, free: Array) -> float:
     """The strength that changes what is seen without friction, (S, T, C), as much as is wanted."""
     at = ParameterVector.nominal(machine.declared)
     span = np.nanmax(few.measured, axis=(0, 1)) - np.nanmin(few.measured, axis=(0, 1))

@@ -9,11 +9,11 @@ from mujoco.batch import Batch
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.residual import FORCE, TORQUE
+from serpent_twin.tables.segments import Segments
 
 
 class Seen:
@@ -118,7 +118,7 @@ def joint_angles(model: mujoco.MjModel, pose: Array) -> dict[str, Array]:
     return {name: pose[..., address(model, name)] for name in joints if name}
 
 
-def segments_of(pieces: Runs) -> list[tuple[str, float, int]]:
+def segments_of(pieces: Segments) -> list[tuple[str, float, int]]:
     """What tells each segment of a log from all others."""
     rows = pieces.time.shape[1]
     return [

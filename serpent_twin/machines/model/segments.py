@@ -1,15 +1,14 @@
 """Cut a session into the segments that are simulated and judged one by one."""
 
-from collections.abc import Sequence
 from itertools import pairwise
 from math import ceil
 
 import numpy as np
 
-from serpent_twin.machines.measured import Recording
-from serpent_twin.machines.model.clocks import part_of
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.starts import LEAD, measured_joints
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Piece
 
 _FEWEST = 2
 """Rows of a segment"""
@@ -19,7 +18,7 @@ _POSES, ROWS = 20, 100
 """Rows of a segment of poses, and of a motion"""
 
 
-def segments(machine: Described, run: Recording, outputs: Sequence[str]) -> list[Recording]:
+def segments(machine: Described, run: Log) -> list[Piece]:
     """A session in parts of nearly one length, each after a lead in which nothing counts as measured; whole,
     if a motion can start from its first row only.
     """
@@ -28,12 +27,5 @@ def segments(machine: Described, run: Recording, outputs: Sequence[str]) -> list
     parts = 1 if whole else ceil(len(run) / (about.segment or (ROWS if moves else _POSES)))
     lead = 0 if whole or about.start else LEAD if moves else _LEAD
     ends = np.linspace(lead if moves else 0, len(run), parts + 1).round().astype(int).tolist()
-    found = []
-    for first, end in pairwise(ends):
-        rows = slice(max(0, first - lead), end)
-        part = part_of(run, rows)
-        for name in outputs:
-            part.columns[name][: first - rows.start] = np.nan
-        if end - rows.start >= _FEWEST:
-            found.append(part)
-    return found
+    found = [Piece(run, max(0, at - lead), end, (at, end)) for at, end in pairwise(ends)]
+    return [each for each in found if each.end - each.first >= _FEWEST]

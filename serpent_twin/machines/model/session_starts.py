@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Output
-from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.full_states import FullStates, read_states
 from serpent_twin.machines.model.replay import (
@@ -26,6 +25,8 @@ from serpent_twin.machines.model.starts import LEAD, measured_joints
 from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
 from serpent_twin.numerals import counted, listed
 from serpent_twin.residual import FORCE, TORQUE
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
 _WINDOW, _FEWEST, _MOST = 1.5, 3 * LEAD, 400
 """Time of the first rows by which starts are compared [s], and their least and greatest number"""
@@ -104,19 +105,17 @@ def _chosen(which: NDArray[np.bool_], one: FullStates, other: FullStates) -> Ful
 class SessionStarts:
     """How sessions begin, found so far by the nominal model."""
 
-    known: list[tuple[Recording, Begun]] = field(default_factory=list)
+    known: list[tuple[Log, Begun]] = field(default_factory=list)
 
-    def missing(self, runs: Sequence[Recording]) -> list[Recording]:
+    def missing(self, runs: Sequence[Log]) -> list[Log]:
         """Those of some sessions of which it is not known yet how they begin."""
         return [run for run in runs if not any(each is run for each, _ in self.known)]
 
-    def of(self, runs: Sequence[Recording]) -> list[Begun]:
+    def of(self, runs: Sequence[Log]) -> list[Begun]:
         """How some sessions begin that are known."""
         return [how for run in runs for each, how in self.known if each is run]
 
-    def find(
-        self, runs: Sequence[Recording], sessions: Sessions, pieces: Runs, noise: Array
-    ) -> None:
+    def find(self, runs: Sequence[Log], sessions: Sessions, pieces: Segments, noise: Array) -> None:
         """Find how sessions begin by what the nominal model leaves in their first rows."""
         found = _FirstRows(sessions, pieces, noise).found()
         self.known += zip(runs, found, strict=True)
@@ -125,7 +124,7 @@ class SessionStarts:
 class _FirstRows:
     """The nominal model beside the first rows of S sessions."""
 
-    def __init__(self, sessions: Sessions, pieces: Runs, noise: Array) -> None:
+    def __init__(self, sessions: Sessions, pieces: Segments, noise: Array) -> None:
         wanted = round(_WINDOW / float(np.median(pieces.period)))
         rows = min(max(wanted, _FEWEST), _MOST, pieces.time.shape[1])
         self._sessions = replace(sessions, driven=sessions.driven.first(rows))

@@ -7,11 +7,11 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described, DriveColumn, MeasuredColumns
 from serpent_twin.machines.model.starts import angle_of, rate_of, reading_of
 from serpent_twin.machines.model.things import acts_on, joint_type
 from serpent_twin.numerals import listed
+from serpent_twin.tables.segments import Segments
 from serpent_twin.units import TO_SI
 
 _OTHERS = {"hinge": ("rad", "deg"), "slide": ("m", "cm", "mm")}
@@ -46,7 +46,7 @@ class _Shared:
 
 
 def require_shared_unit(
-    machine: Described, pieces: Runs, found: Array, shown: Callable[[Runs], Array]
+    machine: Described, pieces: Segments, found: Array, shown: Callable[[Segments], Array]
 ) -> None:
     """Refuse logs whose servos' commands and encoders, both in another unit, are a motion that the model
     follows much better, or that is believable where theirs is not. `found` is what the model shows of the
@@ -86,7 +86,7 @@ def _shared(machine: Described) -> Iterator[_Shared]:
             yield _Shared(unit, kind, drives, tuple(measured[joint] for joint in sorted(of)))
 
 
-def _rescaled(machine: Described, shared: _Shared, pieces: Runs, times: float) -> Runs:
+def _rescaled(machine: Described, shared: _Shared, pieces: Segments, times: float) -> Segments:
     """The pieces, had the columns been in a unit so many times as large."""
     column, measured = dict(pieces.column), pieces.measured.copy()
     for drive in shared.drives:
@@ -108,7 +108,7 @@ def _channel(machine: Described, of: MeasuredColumns) -> int:
     return names.index(of.columns[0])
 
 
-def _left(machine: Described, shared: _Shared, pieces: Runs, found: Array) -> float:
+def _left(machine: Described, shared: _Shared, pieces: Segments, found: Array) -> float:
     """Share of the motion's rms that a model leaves which shows (S, T, C); infinite where it is unstable. A
     zero of the readings scales with them, and is the same share in all units.
     """
@@ -123,7 +123,7 @@ def _left(machine: Described, shared: _Shared, pieces: Runs, found: Array) -> fl
     return left if np.isfinite(left) else np.inf
 
 
-def _believed(machine: Described, shared: _Shared, pieces: Runs) -> bool:
+def _believed(machine: Described, shared: _Shared, pieces: Segments) -> bool:
     """Whether joints may move so far: within their ranges, or where they have none, some turns or sizes of
     the model.
     """
@@ -151,7 +151,7 @@ def _most(machine: Described, kind: str) -> float:
 def _said(
     machine: Described,
     shared: _Shared,
-    pieces: Runs,
+    pieces: Segments,
     unit: str,
     left: tuple[float, float],
     believed: bool,

@@ -10,11 +10,11 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range, law_of, place_of
 from serpent_twin.machines.candidate import Candidate, candidate
-from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.numbers import OF_SLIDES
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 from serpent_twin.machines.model.things import OBJECTS, names
+from serpent_twin.tables.log import Log
 
 _MOST = 2000  # rows that are looked at
 _TURN = 0.1  # [rad] typical of a joint whose motion is not measured
@@ -44,7 +44,7 @@ class Sizes:
     """Force that each body's parent gives it [N], (nbody,)"""
 
 
-def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
+def sizes(machine: Described, training: Sequence[Log]) -> Sizes:
     """Of the nominal model along the logs: as measured, where all joints are, else as it moves by itself; of
     poses, where the search for them begins.
     """
@@ -99,7 +99,7 @@ def _carried(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     return np.linalg.norm([moment, force], axis=2)
 
 
-def _moved(machine: Described, training: Sequence[Recording]) -> tuple[Array, Array, Array, Array]:
+def _moved(machine: Described, training: Sequence[Log]) -> tuple[Array, Array, Array, Array]:
     """Root mean squares of the greatest force, the rate and the way of each degree of freedom, (nv,) each,
     and of what bodies carry, (2, nbody), as the nominal model moves from where runs begin; what does not
     move, or becomes unstable, has usual ones.

@@ -7,10 +7,11 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.full_states import FullStates
 from serpent_twin.machines.model.prescribed import rate_column, with_rates
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
 _SMOOTH = 9  # rows over which an angle is a cubic, where a run begins
 _FEWEST = 5  # rows of a parabola
@@ -59,7 +60,7 @@ def _all_known(machine: Described, columns: Mapping[str, str]) -> bool:
     return len(columns) == model.njnt == model.nq == model.nv
 
 
-def with_starts(machine: Described, run: Recording) -> Recording:
+def with_starts(machine: Described, run: Log) -> Log:
     """A log with the smoothed angle and rate of each measured joint, and its reading."""
     period = float(np.median(np.diff(run.time)))
     more: dict[str, Array] = {}
@@ -87,8 +88,8 @@ def _smoothed(machine: Described, values: Array, period: float) -> tuple[Array, 
 
 
 def started_again(
-    machine: Described, pieces: Runs, noise: Mapping[str, float], rng: np.random.Generator
-) -> Runs:
+    machine: Described, pieces: Segments, noise: Mapping[str, float], rng: np.random.Generator
+) -> Segments:
     """Segments that begin where readings with further noise say, of a standard deviation by column."""
     column, (S, T) = dict(pieces.column), pieces.time.shape
     for joint, of in measured_joints(machine).items():
@@ -102,7 +103,7 @@ def started_again(
     return replace(pieces, column=column)
 
 
-def start(machine: Described, begin: Array, pieces: Runs) -> SegmentStart:
+def start(machine: Described, begin: Array, pieces: Segments) -> SegmentStart:
     """Where the segments of a log begin; where nothing is known of a joint, in a pose (nq,)."""
     column, joints, S = pieces.column, tuple(measured_joints(machine)), len(pieces)
     if not joints:

@@ -8,8 +8,8 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described
+from serpent_twin.tables.segments import Segments
 
 _GROUPS = 31
 """Of actuators, which MuJoCo can disable one by one"""
@@ -36,7 +36,7 @@ def _groups(machine: Described) -> Iterator[tuple[str, int]]:
     return zip(machine.switches, free, strict=False)
 
 
-def switched_off(machine: Described, pieces: Runs) -> NDArray[np.int32]:
+def switched_off(machine: Described, pieces: Segments) -> NDArray[np.int32]:
     """Which groups of actuators are off in each row, one bit each, (S, T)."""
     off = np.zeros(pieces.time.shape, np.int32)
     for column, group in _groups(machine):

@@ -21,13 +21,7 @@ from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity, effects_at
-from serpent_twin.machines.measured import (
-    Recording,
-    RunMachine,
-    Runs,
-    read_runs,
-    read_twin,
-)
+from serpent_twin.machines.measured import RunMachine, read_runs, read_twin
 from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.machines.trunk import body
 from serpent_twin.machines.trunk.motion import SIMULATED, Trunks
@@ -50,6 +44,8 @@ from serpent_twin.machines.trunk.shape import (  # fmt: skip
 )
 from serpent_twin.residual import MARKERS, Measure
 from serpent_twin.runs.processes import threads
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
 
 _SERVOS = Measure("motor angle", "the motor angles are", "motor angle error, rms", "°", "deg",
                   180 / np.pi, "rad")  # fmt: skip
@@ -145,12 +141,12 @@ class Trunk(RunMachine):
         return body.spec(moved(self.start, self.kinds, declared), (*self.fixed, *effects))
 
     def respond(
-        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: Segments, timestep: float | None = None
     ) -> Array:
         """Disks and servos, (D, S, T, 15); not finite for a trunk that cannot be built."""
         return self._simulate(points, pieces)[..., : len(self.outputs)]
 
-    def responses_at_places(self, point: ParameterVector, pieces: Runs) -> PlacesInRow:
+    def responses_at_places(self, point: ParameterVector, pieces: Segments) -> PlacesInRow:
         """What changes at the motors and markers would show."""
         return at_places(self._simulate, point, pieces)
 
@@ -159,7 +155,7 @@ class Trunk(RunMachine):
         size, of = ("rad" if each == ACTUATOR_COMMAND else "" for each in (law.handle, law.reading))
         return law.units(size, of)
 
-    def _simulate(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
+    def _simulate(self, points: Sequence[ParameterVector], pieces: Segments) -> Array:
         """Disks, servos, the cables' torques and the goals that reach servos, (D, S, T, 27)."""
         out = np.full((len(points), *pieces.time.shape, SIMULATED), np.nan)
         shapes, models, several, built = [], [], [], []
@@ -191,7 +187,7 @@ class TrunkRig:
     twin: Path | None = None
     """twin.json of the trunk before something was changed"""
 
-    def read(self, source: Path) -> list[Recording]:
+    def read(self, source: Path) -> list[Log]:
         """The runs of a folder, or of one file."""
         return [turned(run) for run in read_runs(source, _COLUMNS)]
 
@@ -199,7 +195,7 @@ class TrunkRig:
         """The rig of a trunk that was changed since a trace wrote this twin.json."""
         return TrunkRig(twin=twin)
 
-    def open(self, training: Sequence[Recording]) -> Case[Runs]:
+    def open(self, training: Sequence[Log]) -> Case[Segments]:
         """First guesses from the logs, or, of a changed trunk, the twin of the unchanged one."""
         machine = _changed(self.twin) if self.twin else Trunk(first_guess(training))
         noise = np.r_[np.full(len(SEEN), _GUESSED), np.full(len(ANGLES), _TOLD)]

@@ -12,9 +12,9 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import ACTUATOR_COMMAND, HANDLES, POSITIONS, Law
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.places import PlaceResponse, PlacesInRow, with_more
 from serpent_twin.machines.trunk.motion import CHANGED, PLACES
+from serpent_twin.tables.segments import Segments
 
 _STEP = 0.05
 """[rad] by which a winch is turned: a twentieth of its range, and more than dry friction takes up; shifts [m]
@@ -25,9 +25,9 @@ _SEEN = 15
 
 
 def at_places(
-    simulate: Callable[[Sequence[ParameterVector], Runs], Array],
+    simulate: Callable[[Sequence[ParameterVector], Segments], Array],
     point: ParameterVector,
-    pieces: Runs,
+    pieces: Segments,
 ) -> PlacesInRow:
     """By differences: all changes are simulated side by side, to disks, servos, torques and goals,
     (D, S, T, 27). The seconds before each window settle what it begins with.
@@ -42,7 +42,7 @@ def at_places(
     return PlacesInRow(_readings(usual, pieces), responses)
 
 
-def _readings(usual: Array, pieces: Runs) -> dict[tuple[str, str], Array]:
+def _readings(usual: Array, pieces: Segments) -> dict[tuple[str, str], Array]:
     """What laws may follow, (S, T), where disks, servos, torques and goals are (S, T, 27)."""
     disk, servo, torque, goal = np.split(usual, [9, 15, 21], axis=-1)
     of_motors = {

@@ -10,8 +10,8 @@ from msgspec.structs import asdict
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Declared, Quantity, by_coordinate
-from serpent_twin.machines.measured import Recording
 from serpent_twin.stored import Form, many, take, within
+from serpent_twin.tables.log import Log
 
 MOTORS, DISKS = range(1, 7), range(1, 4)
 ENDS_AT = (2, 3, 1, 3, 1, 2)
@@ -72,7 +72,7 @@ Shape = Mapping[str, Array]
 are the logs' x and z."""
 
 
-def turned(run: Recording) -> Recording:
+def turned(run: Log) -> Log:
     """The servos' angles, interpolated linearly between new readings: the bus is read less often than rows
     are logged.
     """
@@ -112,7 +112,7 @@ def moved(start: Shape, kinds: Sequence[str], x: Array) -> Shape:
     return found
 
 
-def first_guess(runs: Sequence[Recording]) -> Shape:
+def first_guess(runs: Sequence[Log]) -> Shape:
     """A straight trunk where the disks hang at rest; cables by how far goals move disks."""
     goal = np.concatenate([_columns(r, GOALS) for r in runs])
     seen = np.concatenate([_columns(r, SEEN) for r in runs])
@@ -154,11 +154,11 @@ def restored(values: Mapping[str, Any], where: str) -> Shape:
     return {n: np.array(v) for n, v in asdict(take(dict(values), _STORED, where)).items()}
 
 
-def _columns(run: Recording, names: Sequence[str]) -> Array:
+def _columns(run: Log, names: Sequence[str]) -> Array:
     return np.stack([run.columns[name] for name in names], axis=1)
 
 
-def _slopes(runs: Sequence[Recording]) -> Array:
+def _slopes(runs: Sequence[Log]) -> Array:
     """How far a goal moves each disk, [m/rad], (6, 3, 3): least squares at the delay that fits best."""
     period = float(np.median(np.diff(runs[0].columns["time"])))
     found = []

@@ -195,8 +195,8 @@ def _merged(session: Session, take: Take, found: Match, given: tuple[Rigid, str]
         "take_sha256": file_hash(take.path),
     }
     metadata = session.metadata | {"markers": "motive", "mocap": facts}
-    extra = {name: column for name, column in session.extra.items() if name not in OF_CAMERAS}
-    return replace(session, marker=marker, metadata=metadata, extra=extra)
+    columns = {name: each for name, each in session.columns.items() if name not in OF_CAMERAS}
+    return replace(session, metadata=metadata, columns=columns | {"marker": marker})
 
 
 def _own_frame(session: Session, filmed: Array, rigid: Rigid) -> tuple[Rigid, str]:
