@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
-from serpent_twin.readouts.windows import Bus
+from serpent_twin.sessions import Session
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class BusReading:
     """What was sent after the reading before [rad/s], (10,); 0 for the first"""
 
 
-def readings(bus: Bus) -> Iterator[BusReading]:
+def readings(log: Session) -> Iterator[BusReading]:
     """A session's rows as they came."""
-    before = np.vstack([np.zeros(N_MOTORS), bus.command[:-1]])
-    rows = zip(bus.time, bus.position, bus.velocity, bus.load, before, strict=True)
-    return (BusReading(*row) for row in rows)
+    before = np.vstack([np.zeros(N_MOTORS), log.motor_velocity_command[:-1]])
+    read = log.time, log.motor_position, log.motor_velocity, log.motor_load
+    return (BusReading(*row) for row in zip(*read, before, strict=True))

@@ -52,8 +52,8 @@ class Estimator(ABC):
 
     def follow(self, session: SessionWindows) -> Belief:
         """Markers of all windows of a session, with their covariance; NaN where `live` has none yet."""
-        live = self.live(session.bus.prior_runtime)
-        beliefs = [live.update(now) or unknown() for now in readings(session.bus)]
+        live = self.live(session.log.prior_runtime)
+        beliefs = [live.update(now) or unknown() for now in readings(session.log)]
         return joined(beliefs[-len(session) :])
 
     @abstractmethod

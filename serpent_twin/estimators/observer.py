@@ -138,8 +138,8 @@ class Observer(TrainedEstimator):
 
     def _run(self, session: SessionWindows) -> Iterator[tuple[Response, Belief]]:
         """Readings and estimates of the twin in the session's windows."""
-        live, first = self.live(session.bus.prior_runtime), len(session.bus.time) - len(session)
-        for k, now in enumerate(readings(session.bus)):
+        live, first = self.live(session.log.prior_runtime), len(session.log.time) - len(session)
+        for k, now in enumerate(readings(session.log)):
             belief = live.update(now)
             if k >= first:
                 yield live.sensed, belief
@@ -147,7 +147,9 @@ class Observer(TrainedEstimator):
     def _learn(
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress
     ) -> None:
-        lag = servo_lag([(s.bus.time, s.bus.position, s.bus.velocity) for s in train.sessions])
+        lag = servo_lag(
+            [(s.log.time, s.log.motor_position, s.log.motor_velocity) for s in train.sessions]
+        )
         self.learned = {
             **self.learned,
             "servo_lag": np.array(lag),
@@ -169,7 +171,7 @@ class Observer(TrainedEstimator):
             "load_slow": _root_mean(slow, self.gear_friction),
             "covariance": covariance_of(error),
         }
-        period = np.median([np.median(np.diff(s.bus.time)) for s in validate.sessions])
+        period = np.median([np.median(np.diff(s.log.time)) for s in validate.sessions])
         coloured = coloured_part(turning, self.learned["load"], float(period))
         self.learned |= dict(zip(_WHITE, map(np.asarray, coloured), strict=True))
         # Errors need not be normal: each marker's ellipsoids are scaled to hold it as often as stated.
@@ -197,9 +199,9 @@ class Observer(TrainedEstimator):
         rows = [sensed for sensed, _ in self._run(session)]
         at = np.concatenate([row.joint_angle for row in rows])
         moved = np.concatenate([row.marker for row in rows])
-        speed = np.abs(session.bus.velocity[-len(rows) :])
+        speed = np.abs(session.log.motor_velocity[-len(rows) :])
         turns, slow = speed > TURNING, (speed > STILL) & (speed <= TURNING)
-        load = session.bus.load[-len(rows) :] - np.concatenate([row.load for row in rows])
+        load = session.log.motor_load[-len(rows) :] - np.concatenate([row.load for row in rows])
         angle = joints_from_markers(session.marker, at, self.arm.built)
         angle[~np.isfinite(session.marker).all(axis=(1, 2))] = np.nan
         rest = session.marker - markers(angle, self.arm.built)

@@ -15,7 +15,6 @@ from serpent_twin.numerals import counted
 from serpent_twin.sessions import Session, readings_hash, refuse_damaged
 
 STATE, COMMAND = 2 * N_JOINTS, N_JOINTS
-BUS = ("time", "position", "velocity", "load", "command")
 
 
 @dataclass(frozen=True)
@@ -26,24 +25,6 @@ class Start:
     """Joint angles from the cameras' markers [rad], (9,)"""
     motor_angle: Array
     """Motor angles 1 … 9 of the same row [rad], (9,)"""
-
-
-@dataclass(frozen=True)
-class Bus:
-    """The bus's readings of all ten motors, row by row."""
-
-    time: Array
-    """[s], (T,)"""
-    position: Array
-    """[rad], (T, 10)"""
-    velocity: Array
-    """[rad/s], (T, 10)"""
-    load: Array
-    """Fraction of the stall torque, (T, 10)"""
-    command: Array
-    """Sent after each row [rad/s], (T, 10)"""
-    prior_runtime: float = 0.0
-    """Total time of the arm's sessions before this one [s]"""
 
 
 @dataclass(frozen=True)
@@ -66,34 +47,35 @@ class SourceLog:
 class SessionWindows:
     """The windows of one session, one row per control step."""
 
-    name: str
-    """The session's name"""
-    time: Array
-    """Time of each window's newest row [s], (N,)"""
+    log: Session
+    """The session's rows up to the last window's, from the first on: T ≥ N, windows end at the last N"""
     x: Array
     """(s_t … s_{t−H+1}, u_{t−1} … u_{t−H+1}), (N, 27H − 9)"""
     marker: Array
     """Measured marker positions [m], (N, 9, 3), NaN where lost"""
     start: Start
     """Where the session began"""
-    bus: Bus
-    """The session's rows up to the last window's, from the first on: T ≥ N, windows end at the last N"""
     source: SourceLog
-    """The log"""
+    """Which log it is"""
 
     def __len__(self) -> int:
         return len(self.x)
 
+    @property
+    def name(self) -> str:
+        """The session's name."""
+        return self.log.name
+
+    @property
+    def time(self) -> Array:
+        """Time of each window's newest row [s], (N,)."""
+        return self.log.time[-len(self) :]
+
     def some(self, first: int, last: int) -> "SessionWindows":
-        """The windows first … last − 1; the bus keeps its rows before them."""
-        end = len(self.bus.time) - len(self) + last
-        rows = {name: getattr(self.bus, name)[:end] for name in BUS}
+        """The windows first … last − 1; the log keeps its rows before them."""
+        end = len(self.log) - len(self) + last
         return replace(
-            self,
-            time=self.time[first:last],
-            x=self.x[first:last],
-            marker=self.marker[first:last],
-            bus=replace(self.bus, **rows),
+            self, log=self.log[:end], x=self.x[first:last], marker=self.marker[first:last]
         )
 
 
@@ -185,16 +167,10 @@ def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionW
         )
     command = session.motor_velocity_command[:, :N_JOINTS]
     x = stack(motor_state(session), command, window)[first - window + 1 :]
-    where = slice(first, None)
-    return SessionWindows(
-        session.name,
-        session.time[where],
-        x,
-        session.marker[where],
-        find_start(session, arm),
-        bus_of(session),
-        source_of(session),
-    )
+    about = session.metadata | {"prior_runtime_s": session.prior_runtime}
+    log = replace(session, metadata=about)
+    start, source = find_start(session, arm), source_of(session)
+    return SessionWindows(log, x, session.marker[first:], start, source)
 
 
 def source_of(session: Session) -> SourceLog:
@@ -202,18 +178,6 @@ def source_of(session: Session) -> SourceLog:
     config, arm = session.metadata.get("config"), str(session.metadata.get("arm", ""))
     model = config.get("model_sha256", "") if isinstance(config, dict) else ""
     return SourceLog(session.name, arm, readings_hash(session), str(model))
-
-
-def bus_of(session: Session) -> Bus:
-    """The bus's readings in a session."""
-    return Bus(
-        session.time,
-        session.motor_position,
-        session.motor_velocity,
-        session.motor_load,
-        session.motor_velocity_command,
-        session.prior_runtime,
-    )
 
 
 def motor_state(session: Session) -> Array:

@@ -190,7 +190,7 @@ def judged(estimator: Estimator, test: Windows, train_s: float) -> Result:
 def latency_ms(estimator: Estimator, windows: Windows, rows: int = 300) -> float:
     """Median time of an estimate while the arm moves [ms]."""
     live, taken = estimator.live(), []
-    for now in itertools.islice(readings(windows.sessions[0].bus), rows):
+    for now in itertools.islice(readings(windows.sessions[0].log), rows):
         began = time.perf_counter()
         if live.update(now):
             taken.append(time.perf_counter() - began)

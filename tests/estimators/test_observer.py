@@ -86,12 +86,8 @@ def test_live_says_what_follow_says_whatever_was_dropped(sessions, observer):
 def test_is_not_lost_by_ten_seconds_without_a_bus(sessions, observer):
     whole = sessions[2]
     kept = np.r_[0:100, 140:300]
-    rows = {
-        name: getattr(whole, name)[kept]
-        for name in vars(whole)
-        if isinstance(getattr(whole, name), np.ndarray)
-    }
-    session, undisturbed = replace(whole, **rows), windows(whole, drop=180)
+    rows = {name: values[kept] for name, values in whole.columns.items()}
+    session, undisturbed = whole.having(**rows), windows(whole, drop=180)
     assert error_mm(observer, windows(session, drop=101).some(0, 4)) < 15
     after = error_mm(
         observer, windows(session, drop=140)

@@ -231,7 +231,7 @@ def test_in_real_time_over_the_wire(models, tmp_path):
 
 def one_row_windows(session: Session):
     """Its windows from the first row on, of a session that shows no marker."""
-    stiff = replace(session, marker=markers(joint_from_motor(session.motor_position[:, :9])))
+    stiff = session.having(marker=markers(joint_from_motor(session.motor_position[:, :9])))
     windows: Windows = cut([stiff], 1, drop=0)
     return windows.sessions[0]
 

@@ -200,7 +200,7 @@ def test_live_says_row_by_row_what_follow_says_of_a_session(name, data, fitted):
     session = data[2].sessions[0].some(0, 30)
     estimator = WindowEstimator(fitted[name])
     whole, live = estimator.follow(session), estimator.live()
-    beliefs = [live.update(now) for now in readings(session.bus)]
+    beliefs = [live.update(now) for now in readings(session.log)]
     assert all(belief is None for belief in beliefs[:3])
     marker = np.concatenate([belief.marker for belief in beliefs[-30:] if belief])
     if name != "analytical":  # which cameras start where there are any

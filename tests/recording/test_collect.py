@@ -221,8 +221,7 @@ def test_a_part_that_came_out_otherwise_is_kept(run, tmp_path):
     from serpent_twin.sessions import write_session
 
     changed = replace(
-        session,
-        motor_load=session.motor_load + 0.5,
+        session.having(motor_load=session.motor_load + 0.5),
         metadata=session.metadata | {"complete": False},
     )
     path.unlink()

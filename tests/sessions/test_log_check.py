@@ -1,7 +1,6 @@
 """Test that damage in a session is named, also by the commands."""
 
 import re
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -77,7 +76,7 @@ def damaged(name: str) -> sessions.Session:
     session = make_session()
     array, change, _, _ = DAMAGES[name]
     change(changed := getattr(session, array).copy())
-    return replace(session, **{array: changed})
+    return session.having(**{array: changed})
 
 
 @pytest.mark.parametrize("name", DAMAGES)
@@ -126,9 +125,7 @@ def test_a_turn_lost_in_a_long_gap_is_found_and_a_gap_alone_is_none(turns):
         position = np.zeros_like(session.motor_position)
         position[30:, 4] = moved + turns * 2 * np.pi
         position[30:, :4] = position[30:, 5:9] = moved
-        changed = replace(
-            session, time=time, motor_position=position, motor_velocity_command=command
-        )
+        changed = session.having(time=time, motor_position=position, motor_velocity_command=command)
         found = [
             f.text for f in sessions.examine(changed) if "turns" in f.text and f.level == "error"
         ]

@@ -1,7 +1,5 @@
 """Sessions of which it is known what a readout can learn."""
 
-from dataclasses import replace
-
 import numpy as np
 import torch
 from scipy.signal import lfilter
@@ -64,8 +62,7 @@ def wandering(
     marker = geometry.markers(joint[:, :9] + give * load[:, :9])
     marker[rng.random((rows, 9)) < lost] = np.nan
     velocity = np.gradient(motor, 0.25, axis=0)
-    return replace(
-        make_session(number, rows),
+    return make_session(number, rows).having(
         motor_position=motor,
         motor_velocity=velocity,
         motor_load=load,
