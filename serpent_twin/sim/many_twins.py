@@ -16,7 +16,6 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.runs.processes import threads
 from serpent_twin.sim.differences import differences
-from serpent_twin.sim.measured_motion import MeasuredMotion
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.reading_age import MarkersAfter
@@ -50,9 +49,10 @@ class PrescribedMotion:
     """Markers that cameras saw at the first row [m], (B, 9, 3), if the pose there is from them: where effects
     shift what cameras see, the joints begin without the shift
     """
-    past: MeasuredMotion | None = None
-    """K rows before each stretch, (B, K), from which effects that remember have their memory; a shorter past
-    repeats its first row. Without one, they begin with the first row.
+    past: tuple[MotorTrajectory, Array] | None = None
+    """K rows before each stretch, (B, K), and the joint angles measured there [rad], (B, K, 9), from which
+    effects that remember have their memory; a shorter past repeats its first row. Without one, they begin
+    with the first row.
     """
 
 
@@ -203,7 +203,7 @@ class _Run:
         """Put the joints at the first row's pose; effects keep what they remember of the past."""
         motion = self.motion
         if motion.past:
-            self._remember(motion.past)
+            self._remember(*motion.past)
         motors, angle = self._motors(0), self._rows(motion.joint_angle)
         velocity = self._rows(np.broadcast_to(motion.joint_velocity, motion.joint_angle.shape))
         self.arms.place(motors, angle, velocity, anew=not motion.past)
@@ -213,11 +213,11 @@ class _Run:
             angle = angle + without - with_it
             self.arms.place(motors, angle, velocity, anew=not motion.past)
 
-    def _remember(self, past: MeasuredMotion) -> None:
+    def _remember(self, motors: MotorTrajectory, joint_angle: Array) -> None:
         """Give effects the measured poses before the stretches: nothing is simulated then."""
-        for k in range(past.joint_angle.shape[1]):
-            joint = self._rows(past.joint_angle[:, k])
-            self.arms.feel(past.motors[:, k].each(self._rows), joint, anew=k == 0)
+        for k in range(joint_angle.shape[1]):
+            joint = self._rows(joint_angle[:, k])
+            self.arms.feel(motors[:, k].each(self._rows), joint, anew=k == 0)
 
     def store(self, row: int, now: Response) -> None:
         """Store the readings of the present instant, (D B,)."""

@@ -1,10 +1,8 @@
 """Hold what drives arms: the angles and velocities of their motors over time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from serpent_twin.arrays import Array
 
@@ -19,12 +17,6 @@ class MotorTrajectory:
     """[rad], (…, 10)"""
     velocity: Array
     """[rad/s], (…, 10)"""
-
-    @staticmethod
-    def stacked(trajectories: "Sequence[MotorTrajectory]") -> "MotorTrajectory":
-        """Trajectories of one shape, as one with an axis in front."""
-        each = ([x.time, x.angle, x.velocity] for x in trajectories)
-        return MotorTrajectory(*map(np.stack, zip(*each, strict=True)))
 
     def each(self, function: Callable[[Array], Array]) -> "MotorTrajectory":
         """The trajectory with a function of leading axes applied to each of its arrays."""

@@ -6,6 +6,7 @@ on how it was read, for the user; `.units`, where the file states them. `.number
 """
 
 import importlib
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.tables import imported, lerobot
 from serpent_twin.tables.table import DataTable
 
-__all__ = ["ENDINGS", "DataTable", "ending", "read", "reads", "stem"]
+__all__ = ["ENDINGS", "DataTable", "by_number", "ending", "is_plain", "read", "reads", "stem"]
 
 _FORMATS = {
     ".csv": "text",
@@ -56,6 +57,17 @@ def stem(path: Path) -> str:
     if name.lower().endswith(_COMPRESSED):
         name = name[: -len(_COMPRESSED)]
     return name.rpartition(".")[0] if ending(path) in _FORMATS else Path(name).stem
+
+
+def by_number(name: str) -> list[tuple[int, str]]:
+    """What sorts names with the numbers in them by size: run_2 before run_10."""
+    parts = re.split(r"(\d+)", name)
+    return [(int(each), "") if each.isdecimal() else (-1, each) for each in parts]
+
+
+def is_plain(path: Path) -> bool:
+    """Whether a file is a text that need not be a table, where there are others."""
+    return ending(path) in (".txt", ".dat")
 
 
 def reads(path: Path) -> bool:

@@ -7,9 +7,11 @@ import pytest
 from paths import DATA
 
 from serpent_twin.arm.geometry import ARM, markers
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.pieces import (
     camera_noise,
     cut,
+    gaps,
     markers_of,
     segment_rows,
     segment_starts,
@@ -73,6 +75,14 @@ def test_segments_end_at_gaps_and_a_short_stretch_counts_too():
     assert steps == pytest.approx(0.25, abs=0.02)
     beyond = pieces.column["motor_velocity"][0, 60:]
     assert not beyond.any() and np.isnan(pieces.measured[0, 60:]).all()
+
+
+def test_gaps_are_rows_after_a_pause():
+    time = 0.25 * np.arange(10.0)
+    time[6:] += 0.3
+    assert np.flatnonzero(gaps(time)).tolist() == [6]
+    with pytest.raises(SerpentError, match="at least two rows"):
+        gaps(time[:1])
 
 
 def test_sessions_of_several_lengths_share_segments_of_one():

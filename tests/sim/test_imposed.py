@@ -11,9 +11,7 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import joint_from_motor, markers
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.errors import SerpentError
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
-from serpent_twin.sim.measured_motion import gaps
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import DrivenArms, _Path, servo_lag, taken_up
 from serpent_twin.sim.twin import Twin
@@ -153,14 +151,6 @@ def test_an_unstable_design_is_said_and_leaves_the_others(tmp_path, monkeypatch)
     for name in ("marker", "load", "joint_angle", "jaw_angle", "tension"):
         assert np.isnan(getattr(did, name)[1]).all()
         assert_array_equal(getattr(did, name)[0], getattr(alone, name)[0])
-
-
-def test_gaps_are_rows_after_a_pause():
-    time = 0.25 * np.arange(10.0)
-    time[6:] += 0.3
-    assert np.flatnonzero(gaps(time)).tolist() == [6]
-    with pytest.raises(SerpentError, match="at least two rows"):
-        gaps(time[:1])
 
 
 @pytest.mark.parametrize("held", [1.0, 0.0])

@@ -2,7 +2,6 @@
 
 import importlib
 import pkgutil
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -37,16 +36,6 @@ def _found(path: Path, sources: Sequence[Source]) -> Iterator[tuple[Path, Source
         yield path, own
     elif path.is_dir():
         parts = [each for each in path.iterdir() if not each.name.startswith(".")]
-        found = [each for part in sorted(parts, key=_by_number) for each in _found(part, sources)]
-        yield from [each for each in found if not _is_plain(each[0])] or found
-
-
-def _is_plain(path: Path) -> bool:
-    """Whether a file is a text that need not be a recording, where there are others."""
-    return tables.ending(path) in (".txt", ".dat")
-
-
-def _by_number(path: Path) -> list[tuple[int, str]]:
-    """What sorts names with the numbers in them by size."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(each), "") if each.isdecimal() else (-1, each) for each in parts]
+        parts.sort(key=lambda part: tables.by_number(part.name))
+        found = [each for part in parts for each in _found(part, sources)]
+        yield from [each for each in found if not tables.is_plain(each[0])] or found

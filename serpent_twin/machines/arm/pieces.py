@@ -12,7 +12,6 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.residual.noise import FEWEST, GAIN, ORDER
 from serpent_twin.sessions import Session
-from serpent_twin.sim.measured_motion import MeasuredMotion, gaps, velocities
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.tables.log import Log
@@ -71,6 +70,17 @@ def _posed(session: Session, arm: Arm) -> Log:
     return Log(session.path, metadata, session.columns | columns, session.name)
 
 
+def velocities(time: Array, angle: Array) -> Array:
+    """Velocities [rad/s] of angles (T, J) at times (T,) [s], from the rows before and after; 0 at the ends
+    and beside gaps.
+    """
+    velocity = np.zeros_like(angle)
+    velocity[1:-1] = (angle[2:] - angle[:-2]) / (time[2:] - time[:-2])[:, None]
+    broken = np.flatnonzero(gaps(time))
+    velocity[broken], velocity[broken - 1] = 0.0, 0.0
+    return velocity
+
+
 def motors_of(pieces: Segments) -> MotorTrajectory:
     """What drives the arm in the segments, (S, T)."""
     column = pieces.column
@@ -127,6 +137,15 @@ def _stretches(time: Array) -> list[tuple[int, int]]:
     return [(first, end) for first, end in ends if end - first >= _FEWEST]
 
 
+def gaps(time: Array) -> Array:
+    """Rows whose interval to the row before is off the median by more than half, of bool, (R,)."""
+    step = np.diff(time, prepend=time[:1])
+    if len(time) < 2:
+        raise SerpentError("a stretch needs at least two rows.")
+    usual = np.median(step[1:])
+    return np.r_[False, np.abs(step[1:] - usual) > usual / 2]
+
+
 def camera_noise(pieces: Segments) -> float:
     """Standard deviation of a marker's coordinate [m]: what no pose explains, and no slow change, since links
     that bend or twist move markers beside every pose, too.
@@ -145,8 +164,10 @@ def camera_noise(pieces: Segments) -> float:
     return rms * float(np.sqrt(min(1.0, white)))
 
 
-def past(pieces: Segments) -> MeasuredMotion:
-    """What happened in the session before each segment, (S, K); a short past repeats its first row."""
+def past(pieces: Segments) -> tuple[MotorTrajectory, Array]:
+    """What the motors and joints [rad] did in the session before each segment, (S, K) and (S, K, 9); a short
+    past repeats its first row.
+    """
     most = max(1, int(pieces.first.max()))
     rows = [np.maximum(0, np.arange(most) - (most - int(at))) for at in pieces.first]
 
@@ -155,4 +176,4 @@ def past(pieces: Segments) -> MeasuredMotion:
         return np.stack([log.columns[name][before] for log, before in each])
 
     trajectory = MotorTrajectory(of("time"), of("motor_position"), of("motor_velocity"))
-    return MeasuredMotion(trajectory, of("joint_angle"))
+    return trajectory, of("joint_angle")

@@ -12,8 +12,6 @@ from serpent_twin.numerals import listed
 from serpent_twin.tables import DataTable, lerobot
 
 LEAVE_OUT = "Leave it out."
-_PLAIN = (".txt", ".dat")
-"""Endings that other texts have, too: such files are logs where a folder has no others"""
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ def find(source: Path, needed: Sequence[str], measured: Sequence[str]) -> list[L
     partial = [each for each in found if _has(each, needed) != {*needed}]
     several = whole + (together(source, partial, needed) if partial else [])
     ordered = [tuple(sorted(each, key=lambda one: -len(_has(one, measured)))) for each in several]
-    ordered.sort(key=lambda each: _by_number(_within(each[0].path, source)))
+    ordered.sort(key=lambda each: tables.by_number(_within(each[0].path, source)))
     stems = Counter(tables.stem(each[0].path) for each in ordered)
     return [LogTables(_name(each[0].path, source, stems), each) for each in ordered]
 
@@ -61,9 +59,9 @@ def table_paths(source: Path) -> list[Path]:
     for several in (root.iterdir(), root.rglob("*")):
         files = [each for each in several if each.is_file() and not _hidden(each, source)]
         found = [each for each in files if tables.reads(each)]
-        found = [each for each in found if tables.ending(each) not in _PLAIN] or found
+        found = [each for each in found if not tables.is_plain(each)] or found
         if found:
-            return sorted(found, key=lambda each: _by_number(_within(each, source)))
+            return sorted(found, key=lambda each: tables.by_number(_within(each, source)))
     known = f"{', '.join(tables.ENDINGS)}, texts also with .gz"
     other = next((each for each in sorted(files) if tables.ending(each)), None)
     there = f" {other} {tables.otherwise(other)}." if other else ""
@@ -90,12 +88,6 @@ def _name(path: Path, source: Path, stems: Counter[str]) -> str:
     if stems[stem] > 1:
         return Path(_within(path, source)).with_name(stem).as_posix()
     return "" if stem == path.stem else stem
-
-
-def _by_number(name: str) -> list[tuple[int, str]]:
-    """What sorts names with the numbers in them by size."""
-    parts = re.split(r"(\d+)", name)
-    return [(int(each), "") if each.isdecimal() else (-1, each) for each in parts]
 
 
 def _has(table: DataTable, several: Sequence[str]) -> set[str]:
