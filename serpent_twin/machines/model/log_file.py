@@ -33,7 +33,7 @@ from serpent_twin.machines.model.full_rate import thinned
 from serpent_twin.machines.model.known import STATED, stated
 from serpent_twin.machines.model.log_files import LogTables, find
 from serpent_twin.machines.model.log_poses import poses
-from serpent_twin.machines.model.log_rows import Columns, rows_in_motion
+from serpent_twin.machines.model.log_rows import Rows, rows_in_motion
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
 from serpent_twin.tables import DataTable, imported, lerobot
@@ -84,7 +84,7 @@ def read(machine: Described, log: LogTables) -> list[Log]:
     ]
 
 
-def _columns(machine: Described, table: DataTable) -> Columns:
+def _columns(machine: Described, table: DataTable) -> Rows:
     """The columns of one table of a log [SI]."""
     about, path = machine.about, table.path
     driven = {
@@ -103,14 +103,18 @@ def _columns(machine: Described, table: DataTable) -> Columns:
         if name in table
     }
     prescribed = {each.column for each in machine.prescribed}
-    return Columns(
+    commands = {n: v for n, v in driven.items() if n not in prescribed} | switches
+    known = {n: v for n, v in driven.items() if n in prescribed}
+    others = dict(_others(about.time, table, {*driven, *measured, *switches}))
+    return Rows(
         table.path,
-        about.time.column if about.time else "",
-        _time(about, table),
-        {n: v for n, v in driven.items() if n not in prescribed} | switches,
-        measured,
-        {n: v for n, v in driven.items() if n in prescribed},
-        dict(_others(about.time, table, {*driven, *measured, *switches})),
+        {},
+        {"time": _time(about, table), **others, **commands, **known, **measured},
+        table.path.name,
+        clock=about.time.column if about.time else "",
+        commands=tuple(commands),
+        prescribed=tuple(known),
+        measured=tuple(measured),
     )
 
 

@@ -11,13 +11,13 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import CLOCK_BEGAN
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.doubts import FEWEST
-from serpent_twin.machines.model.log_rows import Columns, alike
+from serpent_twin.machines.model.log_rows import Rows, alike
 from serpent_twin.numerals import counted, listed
 from serpent_twin.tables.log import Log
 
 
 def poses(
-    machine: Described, whole: Log, several: Sequence[Columns], labels: NDArray[Any] | None
+    machine: Described, whole: Log, several: Sequence[Rows], labels: NDArray[Any] | None
 ) -> tuple[list[Log], list[str]]:
     """Poses row by row; those without a command are left out, and that is said."""
     if len(several) > 1:
@@ -26,8 +26,7 @@ def poses(
             "table."
         )
     one = several[0]
-    driven = np.array([*one.commands.values(), *one.prescribed.values()])
-    kept = np.isfinite(driven).all(axis=0) & np.isfinite(one.time)
+    kept = np.isfinite(one.of((*one.drives, "time"))).all(axis=0)
     if kept.sum() < FEWEST:
         raise SerpentError(
             f"{one.path} has {counted(int(kept.sum()), 'row')} in which all drives have a number, fewer than "
@@ -40,9 +39,8 @@ def poses(
             f"{one.path}: {one.clock!r} does not increase in row {row}. Sort the rows, split the log there, "
             "or leave the column out of machine.toml: then poses are counted."
         )
-    columns = {"time": time - time[0]}
-    for kind in (one.others, one.commands, one.prescribed, one.measured):
-        columns |= {name: values[kept] for name, values in kind.items()}
+    columns = {name: values[kept] for name, values in one.columns.items()}
+    columns["time"] = time - time[0]
     run = replace(whole, metadata=whole.metadata | {CLOCK_BEGAN: time[0]}, columns=columns)
     left = int((~kept).sum())
     notes = [f"{one.path}: {counted(left, 'row')} without a command left out."] if left else []
@@ -51,11 +49,4 @@ def poses(
 
 def _by_label(whole: Log, labels: NDArray[Any]) -> list[Log]:
     """A log in parts, each of one label."""
-    return [
-        replace(
-            whole,
-            columns={n: v[rows] for n, v in whole.columns.items()},
-            label=str(labels[rows.start]),
-        )
-        for rows in alike(labels)
-    ]
+    return [replace(whole[rows], label=str(labels[rows.start])) for rows in alike(labels)]

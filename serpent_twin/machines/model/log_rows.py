@@ -1,9 +1,8 @@
 """Put the rows of a log on an even clock: commands are held, lost readings left open."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,26 +28,26 @@ from serpent_twin.tables.sampling import (
 )
 
 
-@dataclass(frozen=True)
-class Columns:
-    """The columns of one table [SI], (T,) each, by name."""
+@dataclass(frozen=True, eq=False)
+class Rows(Log):
+    """One table [SI] as it is in its file, with a time that may be uneven or unknown."""
 
-    path: Path
-    clock: str
+    clock: str = ""
     """Name of the column with the time"""
-    time: Array
-    commands: dict[str, Array]
-    """Held until the next one; switches as well"""
-    measured: dict[str, Array]
-    prescribed: dict[str, Array]
-    """Motion that is known"""
-    others: dict[str, Array]
+    commands: tuple[str, ...] = ()
+    """Rows that are held until the next one; switches as well"""
+    prescribed: tuple[str, ...] = ()
+    """Rows with a motion that is known"""
+    measured: tuple[str, ...] = ()
 
-    def of(self, rows: slice) -> "Columns":
-        """Some rows."""
-        kinds = ("commands", "measured", "prescribed", "others")
-        parts = {kind: {n: v[rows] for n, v in getattr(self, kind).items()} for kind in kinds}
-        return replace(self, time=self.time[rows], **parts)
+    @property
+    def drives(self) -> tuple[str, ...]:
+        """Rows without which a row cannot be simulated."""
+        return (*self.commands, *self.prescribed)
+
+    def of(self, names: Iterable[str]) -> list[Array]:
+        """Some columns, (T,) each."""
+        return [self.columns[name] for name in names]
 
 
 def alike(labels: NDArray[Any]) -> list[slice]:
@@ -58,7 +57,7 @@ def alike(labels: NDArray[Any]) -> list[slice]:
 
 
 def rows_in_motion(
-    machine: Described, whole: Log, several: Sequence[Columns], labels: NDArray[Any] | None
+    machine: Described, whole: Log, several: Sequence[Rows], labels: NDArray[Any] | None
 ) -> tuple[list[Log], list[str]]:
     """A motion on an even clock, in parts where it pauses; and sentences on what was put right."""
     base, *others = several
@@ -68,7 +67,7 @@ def rows_in_motion(
     parts = [slice(None)] if labels is None else alike(labels)
     for rows in parts:
         name = whole.label if labels is None else str(labels[rows.start])
-        one = base.of(rows)
+        one = base[rows]
         pieces = _even(machine, one)
         began = float(pieces[0].time[0]) if began is None else began
         mended = sum((each.mended for each in pieces), mended)
@@ -94,17 +93,17 @@ def rows_in_motion(
     return found, list(dict.fromkeys([*([f"{base.path}: {said}."] if said else []), *notes]))
 
 
-def _is_enough(part: Log, one: Columns) -> bool:
+def _is_enough(part: Log, one: Rows) -> bool:
     """Whether a part of a log has rows, and a reading in each column."""
     known = all(np.isfinite(part.columns[name]).any() for name in one.measured)
     return len(part) >= FEWEST and known
 
 
-def _even(machine: Described, one: Columns) -> list[EvenRows]:
+def _even(machine: Described, one: Rows) -> list[EvenRows]:
     """Even rows of a table, whose joints are all measured if there is more than one part."""
-    every = [*one.commands.values(), *one.measured.values(), *one.prescribed.values()]
+    readings = one.of((*one.measured, *one.prescribed))
     try:
-        pieces = even_rows(one.time, [*one.measured.values(), *one.prescribed.values()], every)
+        pieces = even_rows(one.time, readings, [*one.of(one.commands), *readings])
     except UnevenError as error:
         raise SerpentError(f"{one.path}: {one.clock!r} {error}.") from None
     if len(pieces) > 1 and not measured_joints(machine):
@@ -120,51 +119,46 @@ def _even(machine: Described, one: Columns) -> list[EvenRows]:
 def _recording(
     whole: Log,
     even: EvenRows,
-    one: Columns,
-    others: Sequence[Columns],
+    one: Rows,
+    others: Sequence[Rows],
     began: float,
     notes: list[str],
 ) -> Log:
     """One part of a log in even rows."""
     last = np.maximum.accumulate(np.where(even.row >= 0, np.arange(len(even.row)), 0))
     row = even.row[last]  # of a lost row, the one before
-    kinds = [_at_rows(even, one, notes) if even.stamp is None else _at_times(even, even.stamp, one)]
+    columns = {name: values[row] for name, values in one.recorded.items()}
+    columns |= (
+        _at_rows(even, one, notes) if even.stamp is None else _at_times(even, even.stamp, one)
+    )
     for other in others:
         _require_common(one, other, even)
-        kinds.append(_at_times(even, other.time, other))
+        columns |= _at_times(even, other.time, other)
     _say_held(one, others, notes)
-    commands, measured, prescribed = (
-        {name: values for each in kinds for name, values in each[n].items()} for n in range(3)
-    )
-    columns = {name: values[row] for name, values in one.others.items()}
-    columns |= commands | prescribed | measured
-    rows = _known_rows(one, commands, prescribed, notes)
+    rows = _known_rows([one, *others], columns, notes)
     columns = {name: values[rows] for name, values in columns.items()}
     about = whole.metadata | {CLOCK_BEGAN: began}
     return replace(whole, metadata=about, columns={"time": even.time[rows] - began, **columns})
 
 
-_Kinds = tuple[dict[str, Array], dict[str, Array], dict[str, Array]]
-"""Commands, readings and known motions, by name"""
-
-
-def _at_rows(even: EvenRows, one: Columns, notes: list[str]) -> _Kinds:
+def _at_rows(even: EvenRows, one: Rows, notes: list[str]) -> dict[str, Array]:
     """The columns of a table whose rows are even ones.
 
     Where a row is lost or a cell empty, a command is interpolated if commands are a stream that changes
     smoothly, as a held one would come late; else it is held. A reading is left open.
     """
-
-    def kept(columns: dict[str, Array]) -> dict[str, Array]:
-        return {n: np.where(even.row < 0, np.nan, v[even.row]) for n, v in columns.items()}
-
-    gap = longest_gap(even.period)
-    known = {n: between(even.time, v, even.time, gap) for n, v in kept(one.prescribed).items()}
-    commands, alike = dict[str, Array](), dict[tuple[str, int], list[str]]()
-    for name, values in kept(one.commands).items():
+    gap, alike = longest_gap(even.period), dict[tuple[str, int], list[str]]()
+    found = {
+        name: np.where(even.row < 0, np.nan, one.columns[name][even.row])
+        for name in (*one.drives, *one.measured)
+    }
+    for name in one.prescribed:
+        found[name] = between(even.time, found[name], even.time, gap)
+    for name in one.commands:
+        values = found[name]
         stream = is_stream(values)
         whole = between(even.time, values, even.time, gap) if stream else values
-        commands[name] = held_cells(whole)
+        found[name] = held_cells(whole)
         if lacking := int(np.isnan(values).sum()):
             how = "interpolated, as they change smoothly," if stream else "held"
             alike.setdefault((how, lacking), []).append(repr(name))
@@ -172,36 +166,35 @@ def _at_rows(even: EvenRows, one: Columns, notes: list[str]) -> _Kinds:
         notes.append(
             f"{one.path}: commands in {listed(names)} {how} in {counted(lacking, 'row')} without one."
         )
-    return commands, kept(one.measured), known
+    return found
 
 
-def _at_times(even: EvenRows, time: Array, one: Columns) -> _Kinds:
+def _at_times(even: EvenRows, time: Array, one: Rows) -> dict[str, Array]:
     """The columns of a table by its own times: commands held, all else interpolated."""
     order = np.argsort(time, kind="stable")
     order = order[np.isfinite(time[order])]
     own, gap = time[order], longest_gap(even.period)
-
-    def smooth(columns: dict[str, Array]) -> dict[str, Array]:
-        return {n: between(own, v[order], even.time, gap) for n, v in columns.items()}
-
-    commands = dict[str, Array]()
-    for name, values in one.commands.items():
-        given = own, values[order]
+    found = {
+        name: between(own, one.columns[name][order], even.time, gap)
+        for name in (*one.prescribed, *one.measured)
+    }
+    for name in one.commands:
+        given = own, one.columns[name][order]
         if time is even.stamp:  # rows of its own, of which some may be lost
             known = np.isfinite(given[1])
             given = bridged(own[known], given[1][known])
-        commands[name] = held(*given, even.time, even.period)
-    return commands, smooth(one.measured), smooth(one.prescribed)
+        found[name] = held(*given, even.time, even.period)
+    return found
 
 
-def _say_held(one: Columns, others: Sequence[Columns], notes: list[str]) -> None:
+def _say_held(one: Rows, others: Sequence[Rows], notes: list[str]) -> None:
     """Say where cells are empty, and how tables were joined."""
     for each in (one, *others):
-        for columns, done in (
+        for names, done in (
             (each.measured, "nothing counts as measured in empty cells"),
             (each.prescribed, "the motion is interpolated in empty cells"),
         ):
-            lacking = {n: int((~np.isfinite(v)).sum()) for n, v in columns.items()}
+            lacking = {n: int((~np.isfinite(each.columns[n])).sum()) for n in names}
             if named := [f"{count} in {name!r}" for name, count in lacking.items() if count]:
                 notes.append(f"{each.path}: {done}, {listed(named)}.")
     for each in others:
@@ -209,14 +202,14 @@ def _say_held(one: Columns, others: Sequence[Columns], notes: list[str]) -> None
             f"{kind} of {listed(map(repr, names))} {done}"
             for kind, names, done in (
                 ("commands", each.commands, "held until the next one"),
-                ("readings", {**each.measured, **each.prescribed}, "interpolated"),
+                ("readings", (*each.measured, *each.prescribed), "interpolated"),
             )
             if names
         ]
-        notes.append(f"{each.path}: joined with {one.path.name} by their clocks, {listed(what)}.")
+        notes.append(f"{each.path}: joined with {one.name} by their clocks, {listed(what)}.")
 
 
-def _require_common(one: Columns, other: Columns, even: EvenRows) -> None:
+def _require_common(one: Rows, other: Rows, even: EvenRows) -> None:
     """Refuse a second table of another time."""
     known = other.time[np.isfinite(other.time)]
     if (
@@ -226,16 +219,14 @@ def _require_common(one: Columns, other: Columns, even: EvenRows) -> None:
     ):
         spans = f"{known.min():.6g} … {known.max():.6g} s" if len(known) else "none"
         raise SerpentError(
-            f"{other.path}: its times, {spans}, are not those of {one.path.name}, {even.time[0]:.6g} … "
+            f"{other.path}: its times, {spans}, are not those of {one.name}, {even.time[0]:.6g} … "
             f"{even.time[-1]:.6g} s. Give both the same clock."
         )
 
 
-def _known_rows(
-    one: Columns, commands: dict[str, Array], prescribed: dict[str, Array], notes: list[str]
-) -> slice:
+def _known_rows(several: Sequence[Rows], columns: dict[str, Array], notes: list[str]) -> slice:
     """Rows from the first to the last in which all drives are known; refuses a motion unknown in between."""
-    driven = np.array([*commands.values(), *prescribed.values()])
+    one, driven = several[0], np.array([columns[n] for each in several for n in each.drives])
     known = np.asarray(np.isfinite(driven).all(axis=0))
     there = runs_of(known)
     if not there:
@@ -245,8 +236,9 @@ def _known_rows(
         ends = np.flatnonzero(known)
         rows = slice(int(ends[0]), int(ends[-1]) + 1)
         if len(there) > 1:
-            odd = next(n for n, v in prescribed.items() if not np.isfinite(v[rows]).all())
-            count = int((~np.isfinite(prescribed[odd][rows])).sum())
+            prescribed = [name for each in several for name in each.prescribed]
+            odd = next(name for name in prescribed if not np.isfinite(columns[name][rows]).all())
+            count = int((~np.isfinite(columns[odd][rows])).sum())
             raise SerpentError(
                 f"{one.path}: {odd!r}, whose motion the model follows, has no number in "
                 f"{counted(count, 'row')}, for more than 0.2 s. Leave those rows out of the log, which is "
