@@ -94,14 +94,14 @@ def _fitted(name: str, train: Windows, settings: Mapping[str, object] | None = N
 
 
 def _each(live: Live, session: SessionWindows) -> np.ndarray:
-    return _timed(live.update, list(readings(session.bus)))
+    return _timed(live.update, list(readings(session.log)))
 
 
 def _corrections(train: Windows, session: SessionWindows) -> np.ndarray:
     """Of the correction alone: what it takes on top of an estimator that costs nothing."""
     residual = _fitted("residual", train)
     alone, online = residual.live(), Online(residual.live())
-    rows, seen = list(readings(session.bus))[3:], session.marker
+    rows, seen = list(readings(session.log))[3:], session.marker
     plain = _timed(alone.update, rows)
 
     def both(k: int) -> None:

@@ -1,4 +1,4 @@
-"""Stack pieces of logs, of unequal length, into arrays."""
+"""Stack stretches of logs, of unequal length, into arrays."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from serpent_twin.tables.log import Log
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class Stretch:
     """Where a segment lies in a log: rows from `first` to before `end`."""
 
     log: Log
@@ -22,14 +22,14 @@ class Piece:
     """Rows of the log from and to before which what was measured counts"""
 
     @classmethod
-    def whole(cls, log: Log) -> "Piece":
+    def whole(cls, log: Log) -> "Stretch":
         """All rows of a log."""
         return cls(log, 0, len(log), (0, len(log)))
 
 
 @dataclass(frozen=True)
 class Segments:
-    """S pieces of logs, T rows each, the longest's; in a shorter one the last row is repeated, and nothing
+    """S stretches of logs, T rows each, the longest's; in a shorter one the last row is repeated, and nothing
     measured in it.
     """
 
@@ -76,6 +76,17 @@ class Segments:
         """How long the machine ran before each one's log [s], (S,)."""
         return np.array([each.prior_runtime for each in self.log])
 
+    @property
+    def whole(self) -> list[Log]:
+        """The logs that they are stretches of, each once."""
+        return list({id(each): each for each in self.log}.values())
+
+    @property
+    def which(self) -> NDArray[np.int64]:
+        """Which of `whole` each is a stretch of, (S,)."""
+        place = {id(each): n for n, each in enumerate(self.whole)}
+        return np.array([place[id(each)] for each in self.log])
+
     def take(self, which: Sequence[int]) -> "Segments":
         """Some of them."""
         n = list(which)
@@ -90,28 +101,28 @@ class Segments:
 
 
 def cut(
-    pieces: Sequence[Piece], columns: Sequence[str], outputs: Sequence[str], every: int = 1
+    stretches: Sequence[Stretch], columns: Sequence[str], outputs: Sequence[str], every: int = 1
 ) -> Segments:
-    """Stack pieces of logs, taking one row of `every`."""
-    rows = [np.arange(piece.first, piece.end, every) for piece in pieces]
+    """Stack stretches of logs, taking one row of `every`."""
+    rows = [np.arange(one.first, one.end, every) for one in stretches]
     longest = max(map(len, rows))
     padded = [np.r_[each, np.full(longest - len(each), each[-1])] for each in rows]
 
     def stacked(name: str) -> Array:
-        each = zip(pieces, padded, strict=True)
-        return np.array([piece.log.columns[name][at] for piece, at in each])
+        each = zip(stretches, padded, strict=True)
+        return np.array([one.log.columns[name][at] for one, at in each])
 
     time, parts = stacked("time"), [stacked(name) for name in outputs]
     measured = np.concatenate([part.reshape(*time.shape, -1) for part in parts], axis=-1)
-    for n, (piece, own) in enumerate(zip(pieces, rows, strict=True)):
+    for n, (one, own) in enumerate(zip(stretches, rows, strict=True)):
         further = np.arange(1, longest - len(own) + 1)
-        time[n, len(own) :] += np.median(np.diff(piece.log.time[own])) * further
-        low, high = piece.judged
+        time[n, len(own) :] += np.median(np.diff(one.log.time[own])) * further
+        low, high = one.judged
         measured[n, len(own) :] = np.nan
         measured[n, : len(own)][(own < low) | (own >= high)] = np.nan
     return Segments(
-        log=tuple(piece.log for piece in pieces),
-        first=np.array([piece.first for piece in pieces]),
+        log=tuple(one.log for one in stretches),
+        first=np.array([one.first for one in stretches]),
         time=time,
         column={name: stacked(name) for name in columns},
         measured=measured,

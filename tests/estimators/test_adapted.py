@@ -183,7 +183,7 @@ def test_row_by_row_it_says_what_it_says_of_a_session(which, base, other, watche
     adapted = watched if which == "observer" else adapt(base, other[0].first(100))
     session = other[1].sessions[0].some(0, 60)
     live = adapted.live()
-    told = [live.update(now) for now in readings(session.bus)]
+    told = [live.update(now) for now in readings(session.log)]
     assert told[:3] == [None, None, None]
     beliefs = [belief for belief in told[-len(session) :] if belief]
     marker, covariance = (

@@ -57,7 +57,7 @@ def test_a_readout_identifies_nothing_and_learns_nothing_from_markers_seen_later
     estimator.trained.fit(windows(1), seen, np.random.default_rng(0))
     session = seen.sessions[0]
     live, told = estimator.live(), []
-    for now in readings(session.bus):
+    for now in readings(session.log):
         told.append(live.update(now))
         live.correct(np.zeros((9, 3)))
     assert live.weighed() == {} and estimator.states_covariance
@@ -87,9 +87,9 @@ def test_a_file_is_all_that_a_new_estimator_takes(added, tmp_path):
     estimator.trained.fit(windows(1), seen, np.random.default_rng(0))
     estimator.trained.save(tmp_path / "saved")
     again, session = load(tmp_path / "saved"), seen.sessions[0]
-    angle = session.bus.position[0, :9].copy()
+    angle = session.log.motor_position[0, :9].copy()
     expected = []
-    for now in session.bus.position[:, :9]:
+    for now in session.log.motor_position[:, :9]:
         angle = now + np.exp(-0.25 / LAG) * (angle - now)
         expected.append(markers(joint_from_motor(angle)))
     belief = again.follow(session)

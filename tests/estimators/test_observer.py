@@ -75,7 +75,7 @@ def test_states_regions_that_hold_the_markers(sessions, observer):
 def test_live_says_what_follow_says_whatever_was_dropped(sessions, observer):
     test = windows(sessions[2])
     live = observer.live()
-    one_by_one = [live.update(now) for now in readings(test.bus)][20:]
+    one_by_one = [live.update(now) for now in readings(test.log)][20:]
     marker = np.concatenate([each.marker for each in one_by_one])
     np.testing.assert_array_equal(marker, observer.follow(test).marker)
     later = observer.follow(windows(sessions[2], drop=120))
@@ -136,7 +136,7 @@ def test_refuses_to_follow_untrained_and_rows_out_of_order(sessions, observer):
     test = windows(sessions[2])
     with pytest.raises(SerpentError, match="call fit or load first"):
         find("observer")(4).follow(test)
-    live, rows = observer.live(), list(readings(test.bus))
+    live, rows = observer.live(), list(readings(test.log))
     live.update(rows[1])
     with pytest.raises(SerpentError, match="came after one"):
         live.update(rows[0])

@@ -33,8 +33,8 @@ def session(number: int = 1, rows: int = 400, give: float = 0.3) -> SessionWindo
 
 def watch(online: Online, of: SessionWindows, until: int | None = None) -> Belief:
     """What it says of each row before it is shown the markers; they are lost from row `until` on."""
-    told, first = [], len(of.bus.time) - len(of)
-    for k, now in enumerate(readings(of.bus)):
+    told, first = [], len(of.log.time) - len(of)
+    for k, now in enumerate(readings(of.log)):
         belief = online.update(now)
         if belief is None or k < first:
             continue
@@ -70,7 +70,7 @@ def test_weights_are_those_of_the_batch_problem():
     live = Fixed()
     online = Online(live, forgetting)
     rows, before = [], live.marker[0]
-    for k, now in enumerate(readings(of.bus)):
+    for k, now in enumerate(readings(of.log)):
         online.update(now)
         marker = geometry.markers(0.3 * np.sin(k / 7 + np.arange(9)))
         marker[~seen[k]] = np.nan
@@ -122,7 +122,7 @@ def test_it_says_how_sure_it_is(base):
     noisy = changed.marker + np.random.default_rng(0).normal(0, 5e-4, changed.marker.shape)
     own = base.follow(changed).coverage(noisy)
     online, told = Online(base.live()), []
-    for k, now in enumerate(readings(changed.bus)):
+    for k, now in enumerate(readings(changed.log)):
         belief = online.update(now)
         if belief is not None:
             told.append(belief)
@@ -138,7 +138,7 @@ def test_it_says_how_sure_it_is(base):
 def test_standing_still_for_long_does_not_wind_up():
     online, rng = Online(Fixed()), np.random.default_rng(0)
     of = session(1, 300)
-    moving = list(readings(of.bus))
+    moving = list(readings(of.log))
     for now in moving:
         online.update(now)
         online.correct(geometry.markers(np.zeros(9)) + rng.normal(0, 1e-3, (9, 3)))
@@ -160,7 +160,7 @@ def still(now: BusReading) -> tuple[np.ndarray, ...]:
 
 def test_nothing_is_learned_before_the_first_estimate_nor_twice():
     of, online = session(), Online(Fixed(silent=3))
-    rows = readings(of.bus)
+    rows = readings(of.log)
     measured = geometry.markers(np.full(9, 0.05))
     online.correct(measured)
     for now in itertools.islice(rows, 3):
@@ -178,7 +178,7 @@ def test_nothing_is_learned_before_the_first_estimate_nor_twice():
 def test_an_unknown_covariance_is_unknown_until_markers_tell_it():
     of, online = session(), Online(Fixed(covariance=np.nan))
     beliefs = []
-    for k, now in enumerate(itertools.islice(readings(of.bus), 50)):
+    for k, now in enumerate(itertools.islice(readings(of.log), 50)):
         beliefs.append(online.update(now))
         online.correct(of.marker[max(0, k - 3)])
     assert np.isnan(beliefs[0].covariance).all()

@@ -33,7 +33,7 @@ from serpent_twin.sim.many_twins import impose
 from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Piece, cut
+from serpent_twin.tables.segments import Stretch, cut
 
 _S = wander(6, pace=0.06)
 MOVED = replace(_S, motors=replace(_S.motors, time=100.0 + _S.motors.time))
@@ -68,7 +68,7 @@ def _points(machine, several):
 
 def _bench(module, machine, *logs, every=1):
     runs = cut(
-        [Piece.whole(log) for log in logs],
+        [Stretch.whole(log) for log in logs],
         machine.columns,
         [each.name for each in machine.outputs],
         every,

@@ -15,7 +15,7 @@ from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.trunk import MACHINE, Trunk
 from serpent_twin.machines.trunk.shape import ANGLES, CHANNEL, ENDS_AT, GOALS, KINDS, SEEN, TURNED
-from serpent_twin.tables.segments import Piece, cut
+from serpent_twin.tables.segments import Stretch, cut
 
 MEASURED = DATA / "trunk"
 measured = pytest.mark.skipif(not MEASURED.is_dir(), reason=WHERE)
@@ -131,7 +131,10 @@ def test_a_trunk_that_cannot_be_built_has_no_prediction_and_leaves_the_others():
     """A step of a fit may leave a cable less than no length, which MuJoCo refuses."""
     machine, run = Trunk(shape()), log([0.1] * 6)
     runs = cut(
-        [Piece.whole(run)], machine.columns, [each.name for each in machine.outputs], machine.every
+        [Stretch.whole(run)],
+        machine.columns,
+        [each.name for each in machine.outputs],
+        machine.every,
     )
     at = np.zeros((2, len(machine.declared)))
     names = [each.name for each in machine.declared]

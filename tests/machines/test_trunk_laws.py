@@ -18,7 +18,7 @@ from serpent_twin.machines.measured.twin_file import read_twin
 from serpent_twin.machines.trunk import MACHINE, Trunk
 from serpent_twin.machines.trunk.motion import CHANGED, PLACES, TrunkMoment
 from serpent_twin.machines.trunk.shape import GOALS, SEEN
-from serpent_twin.tables.segments import Piece, cut
+from serpent_twin.tables.segments import Stretch, cut
 
 
 def numbers(*size, first=0.0):
@@ -29,7 +29,10 @@ def numbers(*size, first=0.0):
 def runs_of(machine, run):
     """A run as it is, with what is seen of it."""
     return cut(
-        [Piece.whole(run)], machine.columns, [each.name for each in machine.outputs], machine.every
+        [Stretch.whole(run)],
+        machine.columns,
+        [each.name for each in machine.outputs],
+        machine.every,
     )
 
 

@@ -6,7 +6,7 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.trunk import Trunk
 from serpent_twin.machines.trunk.shape import ANGLES, GOALS, SEEN, TURNED
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Piece, cut
+from serpent_twin.tables.segments import Stretch, cut
 
 
 def shape(**others):
@@ -37,7 +37,10 @@ def answer(machine, run, **there):
         machine.declared, {name: np.array(values) for name, values in there.items()}
     )
     runs = cut(
-        [Piece.whole(run)], machine.columns, [each.name for each in machine.outputs], machine.every
+        [Stretch.whole(run)],
+        machine.columns,
+        [each.name for each in machine.outputs],
+        machine.every,
     )
     found = machine.respond([point], runs)[0, 0]
     return found[:, :9].reshape(-1, 3, 3), found[:, 9:], runs.time[0]

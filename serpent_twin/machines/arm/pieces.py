@@ -15,7 +15,7 @@ from serpent_twin.sessions import Session
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Piece, Segments
+from serpent_twin.tables.segments import Segments, Stretch
 from serpent_twin.tables.segments import cut as stacked
 
 _ROWS = 600
@@ -92,7 +92,7 @@ def markers_of(pieces: Segments) -> Array:
     return pieces.measured[..., : 3 * N_JOINTS].reshape(*pieces.time.shape, N_JOINTS, 3)
 
 
-def segments(logs: Sequence[Log], rate_hz: float, seconds: float = SEGMENT) -> list[Piece]:
+def segments(logs: Sequence[Log], rate_hz: float, seconds: float = SEGMENT) -> list[Stretch]:
     """Where each segment lies; raises a `SerpentError` if there is none."""
     found = [(log, *ends) for log in logs for ends in _stretches(log.time)]
     usual = seconds * rate_hz
@@ -102,11 +102,11 @@ def segments(logs: Sequence[Log], rate_hz: float, seconds: float = SEGMENT) -> l
             f"no session has {least:g} s without a gap in time. Record longer sessions."
         )
     rows = segment_rows([end - first for _, first, end in found], usual)
-    parts = list[Piece]()
+    parts = list[Stretch]()
     for log, first, end in found:
         starts = [first + at for at in segment_starts(end - first, rows)]
         parts += [
-            Piece(log, at, min(at + rows, end), (at, until))
+            Stretch(log, at, min(at + rows, end), (at, until))
             for at, until in pairwise([*starts, end])
         ]
     return parts

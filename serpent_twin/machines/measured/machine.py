@@ -20,7 +20,7 @@ from serpent_twin.residual import Comparison, Measure
 from serpent_twin.runs.files import write_json, write_whole
 from serpent_twin.sim.exact_xml import to_xml
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Piece, Segments, cut
+from serpent_twin.tables.segments import Segments, Stretch, cut
 
 
 class RunMachine(ABC):
@@ -97,7 +97,7 @@ class RunMachine(ABC):
         """The runs, whole or in windows."""
         outputs = [each.name for each in self.outputs]
         if not self.window:
-            return cut([Piece.whole(run) for run in sessions], self.columns, outputs, self.every)
+            return cut([Stretch.whole(run) for run in sessions], self.columns, outputs, self.every)
         parts = [part for run in sessions for part in _windows(run, *self.window)]
         if not parts:
             raise SerpentError(
@@ -219,11 +219,11 @@ class RunMachine(ABC):
         write_whole(path.with_suffix(".xml"), text)
 
 
-def _windows(run: Log, seconds: float, before: float) -> list[Piece]:
+def _windows(run: Log, seconds: float, before: float) -> list[Stretch]:
     """A run cut into windows, each with the seconds before it, in which nothing counts as measured.
 
     The first `before` seconds of the run, and a rest that is shorter than a window, are in none.
     """
     lead, length = round(before / run.period), round(seconds / run.period)
     starts = range(lead, len(run) - length + 1, length)
-    return [Piece(run, at - lead, at + length, (at, at + length)) for at in starts]
+    return [Stretch(run, at - lead, at + length, (at, at + length)) for at in starts]

@@ -60,11 +60,6 @@ def _one_after_the_other(ends: Sequence[Array]) -> list[Array]:
     return found
 
 
-def sessions_of(pieces: Segments) -> list[Log]:
-    """The sessions that segments are parts of, each once."""
-    return list({id(each): each for each in pieces.log}.values())
-
-
 def clocks_of(pieces: Segments) -> Clocks:
     """When segments begin."""
     return Clocks(pieces.begun, pieces.prior_runtime)

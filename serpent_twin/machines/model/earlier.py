@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.effects import Effect
-from serpent_twin.machines.model.clocks import clocks_of, sessions_of
+from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.full_rate import columns_between
@@ -14,7 +14,7 @@ from serpent_twin.machines.model.replay import FollowedSessions
 from serpent_twin.machines.model.seen import address, beginning
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 from serpent_twin.machines.model.state_effects import Acting, Earlier, acting_on_state
-from serpent_twin.tables.segments import Piece, Segments, cut
+from serpent_twin.tables.segments import Segments, Stretch, cut
 
 
 def acting(
@@ -49,11 +49,13 @@ def _earlier(
     twin: int,
 ) -> Earlier:
     """The sessions of runs, by what is measured of their joints."""
-    distinct = sessions_of(pieces)
+    distinct = pieces.whole
     joints = measured_joints(machine)
     drives = [*(each.column for each in machine.about.drive), *columns_between(machine)]
     columns = [of(joint) for joint in joints for of in (angle_of, rate_of)]
-    runs = cut([Piece.whole(each) for each in distinct], [*drives, *columns], list(joints.values()))
+    runs = cut(
+        [Stretch.whole(each) for each in distinct], [*drives, *columns], list(joints.values())
+    )
     told = controls(machine, there, x, runs)
     pose = np.tile(beginning(model, machine), (*runs.time.shape, 1))
     rate = np.zeros((*runs.time.shape, model.nv))
@@ -65,6 +67,7 @@ def _earlier(
         rate[..., int(model.joint(joint).dofadr[0])] = runs.column[rate_of(joint)]
     for each in (pose, rate):  # while a drive holds what it is told in a row
         each[:, :-1] = (each[:, :-1] + each[:, 1:]) / 2
-    session = np.array([[each is one for one in distinct].index(True) for each in pieces.log])
     parts = told.shape[1] // runs.time.shape[1]
-    return Earlier(pose, rate, told[:, ::parts], session, pieces.first, runs.period[session])
+    return Earlier(
+        pose, rate, told[:, ::parts], pieces.which, pieces.first, runs.period[pieces.which]
+    )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect
-from serpent_twin.machines.model.clocks import clocks_of, sessions_of
+from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import ToldBefore, controls
@@ -36,7 +36,7 @@ from serpent_twin.machines.model.state_effects import together
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.switches import switched_off
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Piece, Segments, cut
+from serpent_twin.tables.segments import Segments, Stretch, cut
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class TwinsInMotion:
         """The twins in the whole sessions of some runs, those of one after those of the other, until the last
         of these begins.
         """
-        distinct = sessions_of(pieces)
+        distinct = pieces.whole
         if new := self.begun.missing(distinct):
             self.begun.find(new, *self._nominal_sessions(new), self.noise)
         runs, joints = self._sessions(distinct)
@@ -160,14 +160,14 @@ class TwinsInMotion:
 
     def _filtered(self, begin: Array, pieces: Segments) -> FullStates:
         """How runs begin where a state holds no more than measured joints and filters of the commands."""
-        runs, _ = self._sessions(sessions_of(pieces))
+        runs, _ = self._sessions(pieces.whole)
         driven = DrivenRuns.together([twin.driven(runs) for twin in self.twins])
         return filtered(driven, begin).at(*_from_sessions(pieces, len(self.twins)))
 
     def _sessions(self, wholes: Sequence[Log]) -> tuple[Segments, MeasuredJoints]:
         """Whole sessions, and their measured joints."""
         channels = [name for each in self.machine.about.measured for name in each.columns]
-        runs = cut([Piece.whole(each) for each in wholes], self.columns, channels)
+        runs = cut([Stretch.whole(each) for each in wholes], self.columns, channels)
         names = tuple(measured_joints(self.machine))
         angle, rate = (
             np.stack([runs.column[of(name)] for name in names], axis=-1)
@@ -208,7 +208,5 @@ def _beginnings(past: FollowedSessions, pieces: Segments, twins: int) -> FullSta
 
 def _from_sessions(pieces: Segments, twins: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The session, of those of some twins one after the other, and the row in which each run begins."""
-    distinct = sessions_of(pieces)
-    session = np.array([[each is one for one in distinct].index(True) for each in pieces.log])
-    each = [twin * len(distinct) + session for twin in range(twins)]
+    each = [twin * len(pieces.whole) + pieces.which for twin in range(twins)]
     return np.concatenate(each), np.tile(pieces.first, twins)

@@ -33,7 +33,7 @@ from serpent_twin.machines.model.full_rate import thinned
 from serpent_twin.machines.model.known import STATED, stated
 from serpent_twin.machines.model.log_files import LogTables, find
 from serpent_twin.machines.model.log_poses import poses
-from serpent_twin.machines.model.log_rows import Rows, rows_in_motion
+from serpent_twin.machines.model.log_rows import RawLog, rows_in_motion
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
 from serpent_twin.tables import DataTable, imported, lerobot
@@ -84,7 +84,7 @@ def read(machine: Described, log: LogTables) -> list[Log]:
     ]
 
 
-def _columns(machine: Described, table: DataTable) -> Rows:
+def _columns(machine: Described, table: DataTable) -> RawLog:
     """The columns of one table of a log [SI]."""
     about, path = machine.about, table.path
     driven = {
@@ -106,7 +106,7 @@ def _columns(machine: Described, table: DataTable) -> Rows:
     commands = {n: v for n, v in driven.items() if n not in prescribed} | switches
     known = {n: v for n, v in driven.items() if n in prescribed}
     others = dict(_others(about.time, table, {*driven, *measured, *switches}))
-    return Rows(
+    return RawLog(
         table.path,
         {},
         {"time": _time(about, table), **others, **commands, **known, **measured},

@@ -11,13 +11,13 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import CLOCK_BEGAN
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.doubts import FEWEST
-from serpent_twin.machines.model.log_rows import Rows, alike
+from serpent_twin.machines.model.log_rows import RawLog, alike
 from serpent_twin.numerals import counted, listed
 from serpent_twin.tables.log import Log
 
 
 def poses(
-    machine: Described, whole: Log, several: Sequence[Rows], labels: NDArray[Any] | None
+    machine: Described, whole: Log, several: Sequence[RawLog], labels: NDArray[Any] | None
 ) -> tuple[list[Log], list[str]]:
     """Poses row by row; those without a command are left out, and that is said."""
     if len(several) > 1:

@@ -29,20 +29,20 @@ from serpent_twin.tables.sampling import (
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(Log):
+class RawLog(Log):
     """One table [SI] as it is in its file, with a time that may be uneven or unknown."""
 
     clock: str = ""
     """Name of the column with the time"""
     commands: tuple[str, ...] = ()
-    """Rows that are held until the next one; switches as well"""
+    """Columns that are held until the next one; switches as well"""
     prescribed: tuple[str, ...] = ()
-    """Rows with a motion that is known"""
+    """Columns with a motion that is known"""
     measured: tuple[str, ...] = ()
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Rows without which a row cannot be simulated."""
+        """Columns without which a row cannot be simulated."""
         return (*self.commands, *self.prescribed)
 
     def of(self, names: Iterable[str]) -> list[Array]:
@@ -57,7 +57,7 @@ def alike(labels: NDArray[Any]) -> list[slice]:
 
 
 def rows_in_motion(
-    machine: Described, whole: Log, several: Sequence[Rows], labels: NDArray[Any] | None
+    machine: Described, whole: Log, several: Sequence[RawLog], labels: NDArray[Any] | None
 ) -> tuple[list[Log], list[str]]:
     """A motion on an even clock, in parts where it pauses; and sentences on what was put right."""
     base, *others = several
@@ -93,13 +93,13 @@ def rows_in_motion(
     return found, list(dict.fromkeys([*([f"{base.path}: {said}."] if said else []), *notes]))
 
 
-def _is_enough(part: Log, one: Rows) -> bool:
+def _is_enough(part: Log, one: RawLog) -> bool:
     """Whether a part of a log has rows, and a reading in each column."""
     known = all(np.isfinite(part.columns[name]).any() for name in one.measured)
     return len(part) >= FEWEST and known
 
 
-def _even(machine: Described, one: Rows) -> list[EvenRows]:
+def _even(machine: Described, one: RawLog) -> list[EvenRows]:
     """Even rows of a table, whose joints are all measured if there is more than one part."""
     readings = one.of((*one.measured, *one.prescribed))
     try:
@@ -119,8 +119,8 @@ def _even(machine: Described, one: Rows) -> list[EvenRows]:
 def _recording(
     whole: Log,
     even: EvenRows,
-    one: Rows,
-    others: Sequence[Rows],
+    one: RawLog,
+    others: Sequence[RawLog],
     began: float,
     notes: list[str],
 ) -> Log:
@@ -141,7 +141,7 @@ def _recording(
     return replace(whole, metadata=about, columns={"time": even.time[rows] - began, **columns})
 
 
-def _at_rows(even: EvenRows, one: Rows, notes: list[str]) -> dict[str, Array]:
+def _at_rows(even: EvenRows, one: RawLog, notes: list[str]) -> dict[str, Array]:
     """The columns of a table whose rows are even ones.
 
     Where a row is lost or a cell empty, a command is interpolated if commands are a stream that changes
@@ -169,7 +169,7 @@ def _at_rows(even: EvenRows, one: Rows, notes: list[str]) -> dict[str, Array]:
     return found
 
 
-def _at_times(even: EvenRows, time: Array, one: Rows) -> dict[str, Array]:
+def _at_times(even: EvenRows, time: Array, one: RawLog) -> dict[str, Array]:
     """The columns of a table by its own times: commands held, all else interpolated."""
     order = np.argsort(time, kind="stable")
     order = order[np.isfinite(time[order])]
@@ -187,7 +187,7 @@ def _at_times(even: EvenRows, time: Array, one: Rows) -> dict[str, Array]:
     return found
 
 
-def _say_held(one: Rows, others: Sequence[Rows], notes: list[str]) -> None:
+def _say_held(one: RawLog, others: Sequence[RawLog], notes: list[str]) -> None:
     """Say where cells are empty, and how tables were joined."""
     for each in (one, *others):
         for names, done in (
@@ -209,7 +209,7 @@ def _say_held(one: Rows, others: Sequence[Rows], notes: list[str]) -> None:
         notes.append(f"{each.path}: joined with {one.name} by their clocks, {listed(what)}.")
 
 
-def _require_common(one: Rows, other: Rows, even: EvenRows) -> None:
+def _require_common(one: RawLog, other: RawLog, even: EvenRows) -> None:
     """Refuse a second table of another time."""
     known = other.time[np.isfinite(other.time)]
     if (
@@ -224,7 +224,7 @@ def _require_common(one: Rows, other: Rows, even: EvenRows) -> None:
         )
 
 
-def _known_rows(several: Sequence[Rows], columns: dict[str, Array], notes: list[str]) -> slice:
+def _known_rows(several: Sequence[RawLog], columns: dict[str, Array], notes: list[str]) -> slice:
     """Rows from the first to the last in which all drives are known; refuses a motion unknown in between."""
     one, driven = several[0], np.array([columns[n] for each in several for n in each.drives])
     known = np.asarray(np.isfinite(driven).all(axis=0))
