@@ -18,7 +18,8 @@ __all__ = ["Protection", "SimulatedBus"]
 class SimulatedBus(MotorBus):
     """A `MotorBus` over run 0 of a twin; time passes only in `wait`, as fast as it computes.
 
-    The words of the registers are those of its `motors`. The same motors on a wire are `python -m serpent_twin.bus.device`.
+    The words of the registers are those of its `motors`. The same motors on a wire are
+    `python -m serpent_twin.bus.device`.
     """
 
     def __init__(

@@ -16,7 +16,6 @@ from serpent_twin.reporting.report import Figure, Report, Section, Table
 from serpent_twin.residual import LOADS, describe
 from serpent_twin.residual import figures as residual_figures
 from serpent_twin.residual.noise import UNKNOWN
-from serpent_twin.residual.whiteness_figure import whiteness_figure
 
 
 def page(
@@ -210,7 +209,7 @@ def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
     if any(comparison.has_markers for comparison, _ in twins.values()):
         blocks += [figures.place_and_time(twins), drawn.get("residual_spectrum")]
     if diagnosis.whiteness:
-        blocks.append(whiteness_figure(diagnosis.whiteness))
+        blocks.append(residual_figures.whiteness(diagnosis.whiteness))
     blocks.append(tables.bars(diagnosis))
     return Section("What is left", "\n\n".join(parts), tuple(b for b in blocks if b))
 

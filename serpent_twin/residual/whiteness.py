@@ -140,18 +140,33 @@ def whiteness(comparison: Comparison) -> Whiteness:
     rows = comparison.time.shape[1]
     lags = max(1, min(_LAGS, rows // 4))
     residual, inputs = _residual(comparison), _inputs(comparison)
-    tested = _auto(residual, rows // 2), _auto(inputs, rows // 2)
-    limits = _Limits(inputs.names, *_crossed(inputs, residual, lags, *tested))
+    auto, pairs = _auto(residual, rows // 2)
+    correlation, bound = _crossed(inputs, residual, lags, auto, _auto(inputs, rows // 2)[0])
+
+    def channel(k: int) -> ChannelWhiteness:
+        """One channel: Ljung and Box's statistic counts the pairs of each lag that are there."""
+        rho, known = auto[: lags + 1, k], pairs[: lags + 1, k]
+        n = known[0]
+        ljung_box = n * (n + 2) * float(np.sum(rho[1:] ** 2 / np.maximum(known[1:], 1.0)))
+        name, lag, most, by_chance = _strongest(inputs.names, correlation[..., k], bound[..., k])
+        return ChannelWhiteness(
+            residual.names[k],
+            int(n),
+            rho,
+            _NORMAL_95 * np.sqrt(known) / n,
+            float(scipy.special.chdtrc(lags, ljung_box)),
+            name,
+            lag * comparison.period,
+            most,
+            by_chance,
+        )
+
+    of_angles = set(comparison.motors) <= {ANGLE}
     return Whiteness(
-        tuple(
-            _channel(name, k, lags, tested[0], limits, comparison.period)
-            for k, name in enumerate(residual.names)
-        ),
+        tuple(map(channel, range(len(residual.names)))),
         lags,
         comparison.period,
-        Whiteness.inputs
-        if set(comparison.motors) <= {ANGLE}
-        else "what a motor is told or its rate",
+        Whiteness.inputs if of_angles else "what a motor is told or its rate",
     )
 
 
@@ -224,11 +239,11 @@ def _crossed(
     inputs: _Series,
     residual: _Series,
     lags: int,
-    of_residual: tuple[Array, Array],
-    of_inputs: tuple[Array, Array],
+    of_residual: Array,
+    of_inputs: Array,
 ) -> tuple[Array, Array]:
     """Correlations of channels with inputs before them, and their bounds, (L + 1, inputs, channels) each."""
-    bartlett = np.maximum(1.0, 1 + 2 * of_inputs[0][1:].T @ of_residual[0][1:])
+    bartlett = np.maximum(1.0, 1 + 2 * of_inputs[1:].T @ of_residual[1:])
     sums, pairs = (
         np.array([_lagged(a, b, k) for k in range(lags + 1)])
         for a, b in ((inputs.values, residual.values), (inputs.known, residual.known))
@@ -239,41 +254,11 @@ def _crossed(
     return sums / np.maximum(pairs, 1.0), far / np.sqrt(freedom + far**2)
 
 
-@dataclass(frozen=True, eq=False)
-class _Limits:
-    """Correlations of channels with inputs, and what chance makes of them."""
-
-    inputs: list[str]
-    correlation: Array
-    """(L + 1, inputs, channels)"""
-    bound: Array
-    """What chance reaches in one case of 20, (L + 1, inputs, channels)"""
-
-    def strongest(self, channel: int) -> tuple[str, int, float, float]:
-        """Input, lag [rows], correlation and bound where a channel follows most beside the bound."""
-        r, bound = self.correlation[..., channel], self.bound[..., channel]
-        if not r.size:
-            return "", 0, 0.0, 1.0
-        lag, at = np.unravel_index(int(np.argmax(np.abs(r) / bound)), r.shape)
-        return self.inputs[at], int(lag), float(r[lag, at]), float(bound[lag, at])
-
-
-def _channel(
-    name: str, k: int, lags: int, tested: tuple[Array, Array], limits: _Limits, period: float
-) -> ChannelWhiteness:
-    """One channel: Ljung and Box's statistic counts the pairs of each lag that are there."""
-    rho, pairs = (each[: lags + 1, k] for each in tested)
-    n = pairs[0]
-    ljung_box = n * (n + 2) * float(np.sum(rho[1:] ** 2 / np.maximum(pairs[1:], 1.0)))
-    name_of_input, lag, correlation, bound = limits.strongest(k)
-    return ChannelWhiteness(
-        name,
-        int(n),
-        rho,
-        _NORMAL_95 * np.sqrt(pairs) / n,
-        float(scipy.special.chdtrc(lags, ljung_box)),
-        name_of_input,
-        lag * period,
-        correlation,
-        bound,
-    )
+def _strongest(names: Sequence[str], r: Array, bound: Array) -> tuple[str, int, float, float]:
+    """Input, lag [rows], correlation and bound where a channel follows an input most beside the bound, of
+    correlations and bounds (L + 1, inputs).
+    """
+    if not r.size:
+        return "", 0, 0.0, 1.0
+    lag, at = np.unravel_index(int(np.argmax(np.abs(r) / bound)), r.shape)
+    return names[at], int(lag), float(r[lag, at]), float(bound[lag, at])
