@@ -17,6 +17,7 @@ from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.runs.files import write_arrays
 from serpent_twin.stored import Numbers, above, within
 
 T = TypeVar("T")
@@ -73,7 +74,7 @@ class Checkpoints:
         made = make()
         took = time.perf_counter() - began, self._clock.seconds - simulated
         self._told.add(path)
-        _save(path, arrays(made) | {"took": np.array(took)})
+        write_arrays(path, arrays(made) | {"took": np.array(took)})
         return made
 
     def _read(self, path: Path) -> stored.Arrays:
@@ -114,13 +115,6 @@ class _StoredFit(stored.Form, frozen=True):
     converged: bool
     used: tuple[Index, ...]
     variance_inflation: Annotated[float, above(0.0, 1e12)]
-
-
-def _save(path: Path, arrays: dict[str, Any]) -> None:
-    part = path.with_suffix(".partial")
-    with part.open("wb") as file:
-        np.savez(file, **arrays)
-    part.rename(path)
 
 
 def _score_arrays(scores: Sequence[Score]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from serpent_twin.identification.checkpoints import Checkpoints, Number, fit_arr
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.runs.files import write_arrays
 
 FILE = "fit.npz"
 """File of the kept fit in the folder of a trace"""
@@ -32,11 +33,8 @@ def keep(folder: Path, found: bool) -> None:
     last, single = _of_stages(stages, found)
     effects = {name: list(map(float, at.effects[name])) for name, at in single.items()}
     arrays = {name: each for name, each in fit_arrays(last).items() if name not in _LARGE}
-    part = folder / f"{FILE}.part"
-    arrays["used"] = np.array(last.used)
-    with part.open("wb") as file:
-        np.savez(file, **arrays, single=np.array(json.dumps(effects)))
-    part.rename(folder / FILE)
+    arrays |= {"used": np.array(last.used), "single": np.array(json.dumps(effects))}
+    write_arrays(folder / FILE, arrays)
 
 
 def fits(folder: Path, found: bool) -> tuple[Fit, dict[str, ParameterVector]]:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from serpent_twin.playback.moments import already_there, draw, row_at, says
 from serpent_twin.playback.shown import ShownSession
+from serpent_twin.runs.files import replacing
 
 KEY = "serpent_twin"
 """Of the text in the picture's file that says what it was made of"""
@@ -24,9 +25,5 @@ def draw_picture(shown: ShownSession, time: float, out: Path) -> None:
         picture = draw(shown, row, drawing)
     about = PngImagePlugin.PngInfo()
     about.add_text(KEY, name)
-    part = out.with_name(out.name + ".part")
-    try:
+    with replacing(out) as part:
         Image.fromarray(picture).save(part, format="PNG", optimize=True, pnginfo=about)
-        part.rename(out)
-    finally:
-        part.unlink(missing_ok=True)

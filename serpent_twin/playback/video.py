@@ -13,6 +13,7 @@ from serpent_twin.extras import requires
 from serpent_twin.playback.moments import already_there, draw, row_at, says
 from serpent_twin.playback.shown import ShownSession
 from serpent_twin.reporting.offscreen import Image
+from serpent_twin.runs.files import replacing
 
 FRAMES, RATE = 240, 12
 """Pictures of a video at most, and pictures a second: 20 s"""
@@ -83,10 +84,9 @@ class _Film:
 @contextmanager
 def _written(ffmpeg: Any, out: Path, name: str) -> Iterator[_Film]:
     """A video file, which appears when it is whole."""
-    part = out.with_name(out.name + ".part")
-    film = _Film(ffmpeg, part, name)
-    try:
+    with replacing(out) as part:
         part.touch()
+        film = _Film(ffmpeg, part, name)
         try:
             yield film
             film.close()
@@ -94,6 +94,3 @@ def _written(ffmpeg: Any, out: Path, name: str) -> Iterator[_Film]:
             raise SerpentError(
                 f"{out} could not be written whole. Make room on the disk, then run it again."
             ) from error
-        part.rename(out)
-    finally:
-        part.unlink(missing_ok=True)

@@ -29,6 +29,7 @@ from serpent_twin.reporting.marker_looks import (
 )
 from serpent_twin.reporting.rerun_colours import full_tension, hue, tension_colour
 from serpent_twin.reporting.rerun_layout import KEY, LOADS, TENSIONS, blueprint, key, short
+from serpent_twin.runs.files import replacing
 from serpent_twin.sim.pushes import COLUMNS
 from serpent_twin.sim.response import Response
 
@@ -113,13 +114,9 @@ def _draw(
 def require_writable(out: Path) -> None:
     """Raise `OSError` where no recording can be written, before it is computed."""
     out.parent.mkdir(parents=True, exist_ok=True)
-    _part(out).touch()
-    _part(out).unlink()
-
-
-def _part(out: Path) -> Path:
-    """The file that becomes a recording when it is whole."""
-    return out.with_name(out.name + ".part")
+    part = out.with_name(out.name + ".partial")
+    part.touch()
+    part.unlink()
 
 
 @contextmanager
@@ -127,17 +124,15 @@ def written(out: Path, stream: rr.RecordingStream, layout: rrb.Blueprint) -> Ite
     """Write what a stream is sent to a file, which appears when it is whole."""
     require_writable(out)
     try:
-        stream.save(_part(out), default_blueprint=layout)
-        yield
-        stream.flush()
-        stream.disconnect()
-        _part(out).rename(out)
+        with replacing(out) as part:
+            stream.save(part, default_blueprint=layout)
+            yield
+            stream.flush()
+            stream.disconnect()
     except RuntimeError as error:  # rerun's writer thread died, most likely of a full disk
         raise SerpentError(
             f"{out} could not be written whole. Make room on the disk, then run it again."
         ) from error
-    finally:
-        _part(out).unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)

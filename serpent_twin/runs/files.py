@@ -2,26 +2,41 @@
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 
-def write_whole(path: Path, content: Any) -> None:
-    """Replace `path` by a text or bytes in one step: a crash or a full disk leaves what was there."""
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """The file to write in place of another, which it replaces in one step if nothing fails."""
     part = path.with_name(path.name + ".partial")
     try:
-        with part.open("wb") as file:
+        yield part
+        part.rename(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: Any) -> None:
+    """Replace `path` by a text or bytes in one step: a crash or a full disk leaves what was there."""
+    try:
+        with replacing(path) as part, part.open("wb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
-        part.rename(path)
         sync_folder(path.parent)
     except OSError as error:
-        part.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Replace an .npz file by arrays, in one step."""
+    with replacing(path) as part, part.open("wb") as file:
+        np.savez(file, **arrays)
 
 
 def write_json(path: Path, content: Any, indent: int | None = 1, ensure_ascii: bool = True) -> None:

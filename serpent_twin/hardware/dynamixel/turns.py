@@ -25,7 +25,7 @@ from serpent_twin.hardware.dynamixel.setup import ArmSetup, is_pseudo_terminal, 
 from serpent_twin.hardware.limits import joint_beyond
 from serpent_twin.hardware.motor_bus import BusError
 from serpent_twin.hardware.xl430 import POSITION_UNIT, TURN, Words, nearest_turns
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import replacing, write_whole
 from serpent_twin.stored import many, within
 
 FURTHEST = TURN // 4
@@ -239,9 +239,8 @@ def write_turns(path: Path, seen: LastSeen, durably: bool = True) -> None:
     if durably:
         write_whole(path, content)
         return
-    part = path.with_name(path.name + ".partial")
-    part.write_text(content)
-    part.replace(path)
+    with replacing(path) as part:
+        part.write_text(content)
 
 
 def read_turns(path: Path) -> LastSeen | None:
