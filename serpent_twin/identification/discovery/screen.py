@@ -156,7 +156,7 @@ class Search:
 
     def _declared(self, here: ShownChanges) -> bool:
         """Whether declared parameters could do what a constant change does, were it not for their priors."""
-        found = here.sums(self._constant())
+        found = here.sums(Changes(np.ones((1, self.usual.rows.shape[1]), np.float32)))
         taken = found.taken[:, 0]
         left = found.raw[0] - taken @ self.without_priors @ taken.T
         return bool(np.trace(left) < _SAME * np.trace(found.raw[0]))
