@@ -6,8 +6,6 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
 from serpent_twin.tables.log import Log
@@ -47,7 +45,7 @@ def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:
             raise SerpentError(
                 f"the logs differ in {key}: {found}. Give logs of one machine, recorded alike."
             )
-    period = {log.name: float(np.median(np.diff(log.time))) for log in logs}
+    period = {log.name: log.period for log in logs}
     slow, fast = max(period, key=period.__getitem__), min(period, key=period.__getitem__)
     if period[slow] > _SAME_CLOCK * period[fast]:
         raise SerpentError(

@@ -1,7 +1,6 @@
 """Sample columns at other times than their own: readings between their neighbours, commands held."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 
@@ -93,9 +92,3 @@ def held_cells(values: Array) -> Array:
 def longest_gap(period: float) -> float:
     """Time [s] up to which what lacks is bridged: 0.2 s, or three rows."""
     return max(0.2, 3.0 * period) * (1 + 1e-6)
-
-
-def runs_of(rows: NDArray[np.bool_]) -> list[slice]:
-    """Slices in which rows are true."""
-    edges = np.flatnonzero(np.diff(np.r_[False, rows, False].astype(int)))
-    return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

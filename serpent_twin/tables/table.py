@@ -57,20 +57,16 @@ class DataTable:
         own = self._own(name)
         if own in self.columns:
             return self.columns[own]
+        raise SerpentError(f"{self.path}{self._lacks(name)}. {advice}".rstrip())
+
+    def _lacks(self, name: str) -> str:
+        """Why there is no column of a name, behind the path."""
         if name in self.lengths:
-            why = f"{name!r} has {counted(self.lengths[name], 'value')}, the columns {self.rows}"
-            raise SerpentError(f"{self.path}: {why}. {advice}".rstrip())
+            return f": {name!r} has {counted(self.lengths[name], 'value')}, the columns {self.rows}"
         there = names(list(self.columns), 40)
         if f"{name}[0]" in self.columns:
-            why = f"the column {name!r} holds lists: name one of {there}"
-        else:
-            why = f"has no column {name!r}; there are: {there}"
-            return self._refuse(f"{self.path} {why}. {advice}")
-        return self._refuse(f"{self.path}: {why}. {advice}")
-
-    @staticmethod
-    def _refuse(text: str) -> Column:
-        raise SerpentError(text.rstrip())
+            return f": the column {name!r} holds lists: name one of {there}"
+        return f" has no column {name!r}; there are: {there}"
 
     def numbers(self, name: str, advice: str = "") -> Array:
         """A column as floats, NaN for empty cells; raises a `SerpentError` that names row and cell."""

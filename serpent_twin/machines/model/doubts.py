@@ -32,7 +32,7 @@ def require_paced(machine: Described, path: Path, session: Log) -> None:
             "Leave them out."
         )
     step = float(machine.model.opt.timestep)
-    usual, whole = float(np.median(np.diff(session.time))), float(np.ptp(session.time))
+    usual, whole = session.period, float(np.ptp(session.time))
     short = usual < step and whole < _SHORTEST_LOG * step
     if short or not _SHORTEST * step < usual < _LONGEST * step:
         raise SerpentError(

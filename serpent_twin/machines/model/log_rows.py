@@ -24,7 +24,6 @@ from serpent_twin.tables.sampling import (
     held_cells,
     is_stream,
     longest_gap,
-    runs_of,
 )
 
 
@@ -228,22 +227,19 @@ def _known_rows(several: Sequence[RawLog], columns: dict[str, Array], notes: lis
     """Rows from the first to the last in which all drives are known; refuses a motion unknown in between."""
     one, driven = several[0], np.array([columns[n] for each in several for n in each.drives])
     known = np.asarray(np.isfinite(driven).all(axis=0))
-    there = runs_of(known)
-    if not there:
+    there = np.flatnonzero(known)
+    if not len(there):
         raise SerpentError(f"{one.path} has no row in which all drives are known. Leave it out.")
-    rows = slice(there[0].start, len(known))
-    if len(there) > 1 or not known[-1]:
-        ends = np.flatnonzero(known)
-        rows = slice(int(ends[0]), int(ends[-1]) + 1)
-        if len(there) > 1:
-            prescribed = [name for each in several for name in each.prescribed]
-            odd = next(name for name in prescribed if not np.isfinite(columns[name][rows]).all())
-            count = int((~np.isfinite(columns[odd][rows])).sum())
-            raise SerpentError(
-                f"{one.path}: {odd!r}, whose motion the model follows, has no number in "
-                f"{counted(count, 'row')}, for more than 0.2 s. Leave those rows out of the log, which is "
-                "then split there."
-            )
+    rows = slice(int(there[0]), int(there[-1]) + 1)
+    if not known[rows].all():
+        prescribed = [name for each in several for name in each.prescribed]
+        odd = next(name for name in prescribed if not np.isfinite(columns[name][rows]).all())
+        count = int((~np.isfinite(columns[odd][rows])).sum())
+        raise SerpentError(
+            f"{one.path}: {odd!r}, whose motion the model follows, has no number in "
+            f"{counted(count, 'row')}, for more than 0.2 s. Leave those rows out of the log, which is "
+            "then split there."
+        )
     if left := len(known) - (rows.stop - rows.start):
         where = "at the beginning or end, in which not all drives are known,"
         notes.append(f"{one.path}: {counted(left, 'row')} {where} left out.")

@@ -110,7 +110,7 @@ def _moved(machine: Described, training: Sequence[Log]) -> tuple[Array, Array, A
     for run in training:
         mujoco.mj_resetData(model, data)
         data.qpos[:] = machine.begin
-        steps = max(1, round(float(np.median(np.diff(run.time))) / model.opt.timestep))
+        steps = max(1, round(run.period / model.opt.timestep))
         for t in range(min(len(run), max(1, _MOST // len(training)))):
             for n, column in drives:
                 data.ctrl[n] = run.columns[column][t]

@@ -62,7 +62,6 @@ def _all_known(machine: Described, columns: Mapping[str, str]) -> bool:
 
 def with_starts(machine: Described, run: Log) -> Log:
     """A log with the smoothed angle and rate of each measured joint, and its reading."""
-    period = float(np.median(np.diff(run.time)))
     more: dict[str, Array] = {}
     for joint, column in measured_joints(machine).items():
         values = run.columns[column]
@@ -70,7 +69,7 @@ def with_starts(machine: Described, run: Log) -> Log:
         known = np.isfinite(values)
         whole = np.interp(rows, rows[known], values[known])
         more[reading_of(joint)] = values
-        more[angle_of(joint)], more[rate_of(joint)] = _smoothed(machine, whole, period)
+        more[angle_of(joint)], more[rate_of(joint)] = _smoothed(machine, whole, run.period)
     return replace(run, columns=with_rates(machine, run) | more)
 
 
