@@ -21,7 +21,6 @@ from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.estimators.feeling import feeling
 from serpent_twin.estimators.observer import STILL, Observer
 from serpent_twin.live.contacts import Touch
-from serpent_twin.readouts.windows import bus_of
 from serpent_twin.runs.provenance import git_commit
 from serpent_twin.sessions import Session
 from serpent_twin.sim.pushes import Push, drawn
@@ -104,7 +103,7 @@ class Run:
         bound = Bound(arm.built()[0].load_noise)
         self.felt, self.known, took, least = [], [], [], []
         last = 0
-        for now, link, force in zip(readings(bus_of(log)), self.link, self.force, strict=True):
+        for now, link, force in zip(readings(log), self.link, self.force, strict=True):
             began = time.perf_counter()
             live.update(now)
             took.append(1e3 * (time.perf_counter() - began))
@@ -208,7 +207,7 @@ def _false_contacts(observer: Observer, arm: StudyArm, part: int) -> int:
     for log in recorded(arm, [()] * _SIDE_BY_SIDE, _FREE_ROWS, first):
         live = feeling(observer).live(arm.runtime)
         touched = []
-        for now in readings(bus_of(log)):
+        for now in readings(log):
             live.update(now)
             touched.append(live.force().touched)
         found += int((np.diff(touched, prepend=False) & np.array(touched)).sum())

@@ -18,7 +18,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Belief, Estimator, Live
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import distances, score
-from serpent_twin.readouts.windows import bus_of, cut
+from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.recording.simulated_arm import SimulatedArm, generators
 from serpent_twin.sessions import Session
@@ -180,7 +180,7 @@ def _held(arm: TwinModel, change: ArmChange) -> TwinModel:
 
 def followed(live: Live, session: Session) -> Iterator[float]:
     """Error of each row [mm], before the row's own markers correct anything; NaN before the first."""
-    for now, marker in zip(readings(bus_of(session)), session.marker, strict=True):
+    for now, marker in zip(readings(session), session.marker, strict=True):
         belief: Belief | None = live.update(now)
         yield np.nan if belief is None else float(distances(belief.marker[0], marker).mean() * 1e3)
         live.correct(marker)

@@ -18,7 +18,6 @@ from serpent_twin.estimators.force_filter import FeltForce
 from serpent_twin.live.contacts import COLUMNS, CONTACT, FORCE, LINK, TOUCHED, Touch
 from serpent_twin.live.estimate import estimate
 from serpent_twin.live.options import Estimate
-from serpent_twin.readouts.windows import bus_of
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 GRAVITY = np.array(ARM.gravity)
@@ -70,7 +69,7 @@ def test_the_pose_gives_way_to_the_push(folder, run):
     session = run[1]
     pushed = session.extra["push_link"] == 9
     observer = load(folder / "observer").live()
-    blind = np.array([observer.update(now).marker[0] for now in readings(bus_of(session))])
+    blind = np.array([observer.update(now).marker[0] for now in readings(session)])
     far = [np.linalg.norm(each - session.marker, axis=2) for each in (estimated(session), blind)]
     assert np.nanmean(far[0][pushed]) < 0.6 * np.nanmean(far[1][pushed])
 
@@ -78,7 +77,7 @@ def test_the_pose_gives_way_to_the_push(folder, run):
 def test_what_is_felt_live_is_what_the_log_says(folder, run):
     session = run[1]
     live = feeling(load(folder / "observer")).live()
-    for k, now in enumerate(readings(bus_of(session))):
+    for k, now in enumerate(readings(session)):
         live.update(now)
         felt = live.force()
         assert [session.extra[name][k] for name in FORCE] == pytest.approx(felt.force, abs=1e-9)
