@@ -35,3 +35,23 @@ def test_long_texts_wrap_and_numbers_do_not(tmp_path):
     page = report.write(report.Report("A", "b", (section,)), tmp_path).read_text()
     assert f'<td class="text">{long}</td>' in page and '<td class="number">0.224</td>' in page
     assert report.Table(("a", "b"), ()).styles == ("", "")
+
+
+def test_a_table_is_declared_column_by_column():
+    rows = [{"name": "a", "mm": {"mean": 1.234}}, {"name": "b", "mm": {"mean": 2.0}}]
+    columns = {
+        "name": "{name}",
+        "error [mm]": "{mm[mean]:.2f}",
+        "twice": lambda row: str(2 * row["mm"]["mean"]),
+    }
+    table = report.Table.of(rows, columns, "A note.", lambda row: row["name"] == "b")
+    assert table.header == ("name", "error [mm]", "twice")
+    assert table.rows == (("a", "1.23", "2.468"), ("b", "2.00", "4.0"))
+    assert table.marked == {1} and table.note == "A note."
+    assert table.only("error [mm]", "name").rows == (("1.23", "a"), ("2.00", "b"))
+    assert report.Table.of([], columns).header == table.header
+
+
+def test_long_cells_are_shortened_on_the_screen():
+    table = report.Table(("effect",), (("a law of many words about a joint",),))
+    assert report.text_table(table, 20).splitlines()[1] == "a law of many …"
