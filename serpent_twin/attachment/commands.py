@@ -97,10 +97,8 @@ class Commands:
             _one(self._prior),
             self._table.force_per_control,
             command,
-            acting,
             np.zeros_like(acting),
-            acting.copy(),
-            acting.copy(),
+            acting,
         )
 
 

@@ -46,7 +46,7 @@ FOLLOWED = tuple(name for name in READINGS if name not in (ACTUATOR_COMMAND, "ti
 """What they follow besides clocks"""
 PULLS = (*FORCES, "acceleration")
 """What of that acts on the joints as torques"""
-SHIFTS = ("marker_shift", "camera_shift", "link_turn", "camera_turn")
+SHIFTS = ("marker_shift", "camera_shift", "camera_turn", "link_turn")
 """And what moves the markers as they are seen"""
 JOINT_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
@@ -104,20 +104,24 @@ def travelled(q: Array, speed: Array, time: Array) -> Array:
     return time[..., None] * velocity
 
 
-def shift(q: Array, handle: str, at: int, size: Array) -> Array:
-    """Shift of the markers in the base frame [m], (n, 9, 3)."""
+def shift(
+    handle: str, at: int, size: Array, origin: Array, rotation: Array, marker: Array
+) -> Array:
+    """Shift of markers that are there, by sizes (…, 3), in the base frame [m], (…, 9, 3), of links that are
+    where `link_frames` says.
+    """
+    out = np.zeros_like(marker)
     if handle == "camera_shift":
-        return np.repeat(size[:, None], N_JOINTS, axis=1)
-    origin, rotation = link_frames(q)
-    marker = markers_on(origin, rotation)
-    if handle == "camera_turn":
-        return cross(size[:, None], marker)
-    out = np.zeros((len(q), N_JOINTS, 3))
-    vector = np.einsum("nxy,ny->nx", rotation[:, at], size)
-    if handle == "marker_shift":
-        out[:, at] = vector
+        out[...] = size[..., None, :]
+    elif handle == "camera_turn":
+        out[...] = cross(size[..., None, :], marker)
     else:
-        out[:, at:] = cross(vector[:, None], marker[:, at:] - origin[:, at, None])
+        vector = np.einsum("...xy,...y->...x", rotation[..., at, :, :], size)[..., None, :]
+        beyond = marker[..., at:, :] - origin[..., at, None, :]
+        if handle == "marker_shift":
+            out[..., at, None, :] = vector
+        else:
+            out[..., at:, :] = cross(vector, beyond)
     return out
 
 

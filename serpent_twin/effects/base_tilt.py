@@ -26,11 +26,6 @@ class BaseTilt(Effect):
     confused_with = ("payload", "constant_force")
     needs = frozenset({"base"})
 
-    @property
-    def strength(self) -> float:
-        """The whole angle of the tilt [rad]."""
-        return float(np.hypot(self.about_y, self.about_z))
-
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Turn gravity."""
         angle = self.strength

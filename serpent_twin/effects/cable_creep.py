@@ -1,19 +1,17 @@
 """Let loaded cables creep, and recover."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import SMOOTH, Effect, parameter
+from serpent_twin.effects.effect import SMOOTH, parameter
 from serpent_twin.effects.moment import Moment
-from serpent_twin.effects.strands import chosen_at, on_strands
+from serpent_twin.effects.strands import OnStrands, on_strands
 
 
 @dataclass(frozen=True)
-class CableCreep(Effect):
+class CableCreep(OnStrands):
     """A strand's rest length grows by e with de/dt = (f x − e) / τ, x its elastic stretch.
 
     That is the standard linear solid: the strand's spring k in series with a spring k/f and a damper
@@ -44,13 +42,9 @@ class CableCreep(Effect):
         """A strand held at one length relaxes with the time constant τ / (1 + f)."""
         return SMOOTH * self.time / (1.0 + self.fraction)
 
-    @cached_property
-    def _chosen(self) -> NDArray[np.bool_]:
-        return chosen_at(self.at, self.strand)
-
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them creep on; exact for a stretch held over the step."""
         moment.slack += memory
         stretch = moment.stretch if self.at else np.maximum(moment.stretch, 0.0)
-        goal = self.fraction * self._chosen * stretch
+        goal = self.fraction * self.chosen * stretch
         memory += (goal - memory) * -np.expm1(-moment.dt / self.time)

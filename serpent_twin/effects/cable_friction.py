@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import LOSS, Effect, Several, parameter, ranges
+from serpent_twin.effects.effect import LOSS, Several, parameter, ranges
 from serpent_twin.effects.links import HELD, let_rub
 from serpent_twin.effects.moment import at_joints, loops
 from serpent_twin.effects.presliding import give_way
-from serpent_twin.effects.strands import chosen_at, on_strands
+from serpent_twin.effects.strands import OnStrands, on_strands
 
 
 @dataclass(frozen=True)
-class CableFriction(Effect):
+class CableFriction(OnStrands):
     """Cables resist a hinge that they wrap: it gets Coulomb friction s Σ r_j T_j over its cables.
 
     T_j is the sum of the tensions of cable j's strands that rub, r_j its pulleys' radius. The share s is c
@@ -58,10 +58,6 @@ class CableFriction(Effect):
         )
 
     @cached_property
-    def _chosen(self) -> NDArray[np.bool_]:
-        return chosen_at(self.at, self.strand)
-
-    @cached_property
     def _bends(self) -> NDArray[np.bool_]:
         return np.equal(self.by_bend, 1.0)
 
@@ -84,7 +80,7 @@ class CableFriction(Effect):
         if self.at:
             moment.tendon_friction = moment.tendon_friction + self.coefficient * abs(moment.tension)
             return
-        rubs = self._chosen * moment.tension
+        rubs = self.chosen * moment.tension
         pressed = at_joints(moment.arm.pulley_radii * loops(rubs))
         share = self.coefficient
         if self._bends.any():

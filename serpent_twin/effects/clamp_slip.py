@@ -1,22 +1,20 @@
 """Let a cable slip in its screw clamp."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import SMOOTH, Effect, parameter
+from serpent_twin.effects.effect import SMOOTH, parameter
 from serpent_twin.effects.moment import Moment
-from serpent_twin.effects.strands import chosen_at, on_strands
+from serpent_twin.effects.strands import OnStrands, on_strands
 
 _AT_ONCE = "it slips at once, so that the strand never pulls harder than its grip"
 _PAST = 0.02  # [s] time steps through a measured past: the law is exact for a stretch held over one
 
 
 @dataclass(frozen=True)
-class ClampSlip(Effect):
+class ClampSlip(OnStrands):
     """Above a tension, the grip, a strand's clamp yields: it lengthens for good by rate (T − grip) dt.
 
     Ends of cables are clamped by screws, by friction alone; a clamp tightened too little slips like a
@@ -48,13 +46,9 @@ class ClampSlip(Effect):
         """A strand held at one length slips to its grip with the time constant 1 / (rate k)."""
         return np.maximum(_PAST, SMOOTH / np.maximum(self.rate * moment.stiffness, 1e-9))
 
-    @cached_property
-    def _chosen(self) -> NDArray[np.bool_]:
-        return chosen_at(self.at, self.strand)
-
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them slip on; exact for a stretch held over the step."""
         moment.slack += memory
         excess = np.maximum(moment.tension - self.grip, 0.0)
         share = -np.expm1(-moment.dt * self.rate * moment.stiffness)
-        memory += self._chosen * share * excess / np.maximum(moment.stiffness, 1e-9)
+        memory += self.chosen * share * excess / np.maximum(moment.stiffness, 1e-9)

@@ -48,7 +48,7 @@ class CommandDelay(Effect):
         ago = np.broadcast_to(self.delay / moment.dt, (len(moment.goal), 1))
         whole = np.floor(ago).astype(np.intp)
         newer, older = (memory.ago(whole[:, 0] + k) for k in (0, 1))
-        moment.tell(newer + (ago - whole) * (older - newer))
+        moment.goal = newer + (ago - whole) * (older - newer)
 
 
 @dataclass

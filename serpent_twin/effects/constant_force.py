@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import mujoco
-import numpy as np
 
 from serpent_twin.effects.effect import Effect, Several, parameter
 from serpent_twin.effects.links import body_at, link_at
@@ -34,11 +33,6 @@ class ConstantForce(Effect):
     places = ("site", "body")
     shows_in = "a pose and loads that lean one way, beyond one point of the arm more than before"
     confused_with = ("base_tilt", "payload")
-
-    @property
-    def strength(self) -> float:
-        """The size of the force [N]."""
-        return float(np.linalg.norm([self.along_x, self.along_y, self.along_z]))
 
     @classmethod
     def variants(cls) -> Several:

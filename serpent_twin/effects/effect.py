@@ -144,8 +144,9 @@ class Effect:
 
     @property
     def strength(self) -> float:
-        """Its strength, in the unit of its first parameter; zero is absence."""
-        return float(getattr(self, next(iter(ranges(type(self))))))
+        """The length of the vector of its strengths, in the unit of its first parameter; zero is absence."""
+        several = [getattr(self, name) for name in strengths(ranges(type(self)))]
+        return float(np.linalg.norm(several))
 
     @property
     def absent(self) -> bool:

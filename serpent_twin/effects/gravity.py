@@ -27,11 +27,6 @@ class Gravity(Effect):
     shows_in = "a pose that leans one way, more so where more mass is carried"
     confused_with = ("payload", "constant_force", "base_tilt")
 
-    @property
-    def strength(self) -> float:
-        """The length of the vector [m/s²]."""
-        return float(np.linalg.norm([self.along_x, self.along_y, self.along_z]))
-
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Change gravity."""
         further = np.array([self.along_x, self.along_y, self.along_z])

@@ -1,4 +1,4 @@
-"""Say what to look for on a machine that a composed law describes."""
+"""Say what to look for on a machine that a composed law describes, or whose error follows something."""
 
 from collections.abc import Mapping
 from enum import Enum, auto
@@ -212,3 +212,30 @@ def look_for(law: Law) -> str:
     """What to look for on the machine, as the end of a sentence."""
     general, of_form = _CAUSES[law.handle]
     return of_form.get(form_of(law), general)
+
+
+_CAUSES_OF_ERRORS = {
+    "angle step": "something that touches, pulls or lets go there: a hose, a stop, a cable off its groove",
+    "angle ramp": "something that begins to pull or press there: a hose, a stop, a cable that stiffens",
+    "angle window": "something in that range alone: a catch, a tight spot, a rubbing cover",
+    "angle ripple": "something that comes round with it: a horn, winch or wheel off centre, a damaged tooth",
+    "angle": "an elasticity, a geometric error or a weight that the twin lacks",
+    "directed window": "something that holds it back in that range: a tight or sticking axle",
+    "directed": "friction or play there",
+    "ripple": "something that comes round with it: a horn, winch or wheel off centre, a damaged tooth",
+    "velocity": "damping, friction or a delay",
+    "direction": "friction or play there",
+    "reversal": "play or friction that is taken up after each reversal",
+    "load": "an elasticity or friction that grows with force",
+    "tension": "an elasticity or friction that grows with tension",
+    "past": "creep: something that gives way slowly under force",
+    "time": "something that warms up, creeps or wears",
+    "place": "something in that place: an obstacle, a hose{view}",
+    "group": "a cause common to them all, such as a delay (velocities), elasticity (loads) or weight",
+}
+"""What an error that follows a feature may come from, in general or in one shape, with {view} of markers"""
+
+
+def look_for_error(feature: str, shape: str) -> str:
+    """What to look for where an error follows a kind of feature in a kind of shape."""
+    return _CAUSES_OF_ERRORS.get(f"{feature} {shape}", _CAUSES_OF_ERRORS[feature])

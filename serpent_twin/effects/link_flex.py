@@ -43,11 +43,6 @@ class LinkFlex(Effect):
     shows_in = "markers that sag more than the joints' angles explain, more so further out"
     confused_with = ("payload",)
 
-    @property
-    def strength(self) -> float:
-        """Both compliances together [rad/(N m)]."""
-        return float(np.hypot(self.compliance, self.twist))
-
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Put three springy hinges before each of joints 2 … 9, half-way from the joint before; or after the
         joints of one body.

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm, link_frames, markers_on
 from serpent_twin.arrays import Array
 from serpent_twin.effects import arm_places
 from serpent_twin.effects.instant import Instant
@@ -108,7 +108,8 @@ class Moment(Instant):
             moved = arm_places.travelled(self.joint_angle, self.joint_velocity, size)
             self.marker_shift = self.marker_shift - moved
         elif handle in arm_places.SHIFTS:
-            shift = arm_places.shift(self.joint_angle, handle, at, size)
+            frames = link_frames(self.joint_angle)
+            shift = arm_places.shift(handle, at, size, *frames, markers_on(*frames))
             self.marker_shift = self.marker_shift + shift
         else:
             size = np.maximum(size, 0.0) if handle == JOINT_FRICTION else size

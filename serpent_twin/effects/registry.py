@@ -24,11 +24,10 @@ def _find() -> dict[str, type[Effect]]:
     for file in pkgutil.iter_modules([str(Path(__file__).parent)]):
         if file.name not in _INSIDE:
             module = importlib.import_module(f"{__package__}.{file.name}")
-            found |= {
-                name_of(thing): thing
-                for thing in vars(module).values()
-                if isinstance(thing, type) and issubclass(thing, Effect) and thing is not Effect
-            }
+            for thing in vars(module).values():
+                here = isinstance(thing, type) and thing.__module__ == module.__name__
+                if here and issubclass(thing, Effect):
+                    found[name_of(thing)] = thing
     return dict(sorted(found.items()))
 
 

@@ -1,21 +1,19 @@
 """Let cables soften while the arm runs."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from serpent_twin.effects.effect import Effect, Several, parameter
+from serpent_twin.effects.effect import Several, parameter
 from serpent_twin.effects.moment import Moment
-from serpent_twin.effects.strands import chosen_at, on_strands
+from serpent_twin.effects.strands import OnStrands, on_strands
 
 LEAST = 0.1
 """Share of its stiffness that a strand keeps at least [1]"""
 
 
 @dataclass(frozen=True)
-class StiffnessDrift(Effect):
+class StiffnessDrift(OnStrands):
     """Strands soften evenly: k(t) = k (1 − rate t), down to a tenth.
 
     Warming recovers until the next session, and t counts from the session's start; wear carries
@@ -41,12 +39,8 @@ class StiffnessDrift(Effect):
         """Warming, and wear."""
         return (cls(0.5), cls(0.5, carries=1.0))
 
-    @cached_property
-    def _chosen(self) -> NDArray[np.bool_]:
-        return chosen_at(self.at, self.strand)
-
     def act(self, moment: Moment, memory: None) -> None:
         """Soften the strands."""
         hours = (moment.time + self.carries * moment.prior_runtime) / 3600.0
         left = np.maximum(1.0 - self.rate * hours, LEAST)
-        moment.stiffness *= np.where(self._chosen, left, 1.0)
+        moment.stiffness *= np.where(self.chosen, left, 1.0)

@@ -1,5 +1,7 @@
 """Say on which strands of the arm's cables an effect acts: all, one cable's, or one."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -7,7 +9,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import Range, parameter
+from serpent_twin.effects.effect import Effect, Range, parameter
 from serpent_twin.errors import SerpentError
 
 ALL = -1.0
@@ -44,9 +46,14 @@ def on_strands(before: float | None = ALL) -> Any:
     )
 
 
-def chosen_at(place: str, strand: Array | float) -> NDArray[np.bool_]:
-    """Which strands are meant; at a place of a model, the one that is there, (1,)."""
-    return chosen(strand, 1 if place else N_STRANDS)
+@dataclass(frozen=True)
+class OnStrands(Effect):
+    """An effect that has the parameter `strand`."""
+
+    @cached_property
+    def chosen(self) -> NDArray[np.bool_]:
+        """Which strands are meant; at a place of a model, the one that is there, (1,)."""
+        return chosen(self.strand, 1 if self.at else N_STRANDS)
 
 
 def chosen(strand: Array | float, strands: int = N_STRANDS) -> NDArray[np.bool_]:

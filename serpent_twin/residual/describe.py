@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from serpent_twin.effects.law_causes import look_for_error
 from serpent_twin.numerals import capital, counted, listed
 from serpent_twin.residual.dependence import Dependence
 from serpent_twin.residual.findings import ErrorChange, Findings, SessionChange
@@ -13,27 +14,6 @@ AT_THE_NOISE = 1.08  # times the noise floor: no error is left
 SHAKES = 2.0  # times the noise floor: what changes from row to row like noise is the machine's own motion
 MOSTLY = 0.7  # times the error: that motion is most of it
 NOT_SMALL = 0.1  # share of the variance above the noise that deserves a sentence of its own
-
-_HINTS = {
-    "angle step": "something that touches, pulls or lets go there: a hose, a stop, a cable off its groove",
-    "angle ramp": "something that begins to pull or press there: a hose, a stop, a cable that stiffens",
-    "angle window": "something in that range alone: a catch, a tight spot, a rubbing cover",
-    "angle ripple": "something that comes round with it: a horn, winch or wheel off centre, a damaged tooth",
-    "angle": "an elasticity, a geometric error or a weight that the twin lacks",
-    "directed window": "something that holds it back in that range: a tight or sticking axle",
-    "directed": "friction or play there",
-    "ripple": "something that comes round with it: a horn, winch or wheel off centre, a damaged tooth",
-    "velocity": "damping, friction or a delay",
-    "direction": "friction or play there",
-    "reversal": "play or friction that is taken up after each reversal",
-    "load": "an elasticity or friction that grows with force",
-    "tension": "an elasticity or friction that grows with tension",
-    "past": "creep: something that gives way slowly under force",
-    "time": "something that warms up, creeps or wears",
-    "place": "something in that place: an obstacle, a hose{view}",
-    "group": "a cause common to them all, such as a delay (velocities), elasticity (loads) or weight",
-}
-
 
 _WARMS = "gears or grease that warm up, so that friction falls"
 _CREEPS = "something that warms up, creeps or settles, and recovers between sessions"
@@ -122,8 +102,7 @@ def _dependences(pairs: list[tuple[Dependence, str]], marker: Measure) -> list[s
 
 def hint(dependence: Dependence, marker: Measure = MARKERS) -> str:
     """What to look for on the machine."""
-    kind = dependence.feature.kind
-    said = _HINTS.get(f"{kind} {dependence.shape.kind}", _HINTS[kind])
+    said = look_for_error(dependence.feature.kind, dependence.shape.kind)
     return said.replace("{view}", marker.view)
 
 

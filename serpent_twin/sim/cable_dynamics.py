@@ -17,6 +17,14 @@ from serpent_twin.sim.twin_model import TwinModel
 
 _MORE = 1.001
 """Times its own friction from which a hinge rubs more"""
+_OF_PARTS = (
+    "slack", "stiffness", "joint_friction", "transition_velocity", "gear_friction", "stiffening",
+)  # fmt: skip
+"""Quantities of an instant that are those of the arm's parts, unless an effect changes them"""
+_NOTHING = dict.fromkeys(
+    ("reading_age", "marker_shift", "load_shift", "load_scale", "presliding"), 0.0
+)
+"""And those that are nothing"""
 
 
 class CableDynamics(Stepper[Moment]):
@@ -84,19 +92,10 @@ class CableDynamics(Stepper[Moment]):
             joint_velocity=joints[1],
             jaw_angle=jaw,
             winch_angle=motor_angle.copy(),
-            slack=self.slack.copy(),
-            stiffness=self.stiffness.copy(),
             joint_torque=np.zeros((len(motor_angle), N_JOINTS)),
             motor_torque=np.zeros((len(motor_angle), N_MOTORS)),
-            joint_friction=self.joint_friction.copy(),
-            transition_velocity=self.transition_velocity.copy(),
-            gear_friction=self.gear_friction.copy(),
-            stiffening=self.stiffening.copy(),
-            reading_age=0.0,
-            marker_shift=0.0,
-            load_shift=0.0,
-            load_scale=0.0,
-            presliding=0.0,
+            **{name: getattr(self, name).copy() for name in _OF_PARTS},
+            **_NOTHING,
             winch_ratio=self.winch_ratio,
             prior_runtime=self.prior_runtime,
         )

@@ -15,12 +15,14 @@ from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
 from serpent_twin.effects.arm_places import (
     JOINT_AXES,
+    KINDS,
     LINK_MASS,
     LOADS,
-    MARKERS,
     NAMES,
+    SHIFTS,
     centres_of_mass,
     levers,
+    shift,
 )
 from serpent_twin.effects.law import POSITIONS, READINGS
 from serpent_twin.machines.arm.missing_torques import missing_torques
@@ -195,26 +197,15 @@ class ArmPlaces(Places):
         yield PlaceResponse("acceleration", NAMES["frame"][0], inertia)
 
     def _of_sensors(self) -> Iterator[PlaceResponse]:
-        origin, rotation = self._frames
         marker = np.asarray(self.did.marker)
-        every, turned = np.zeros((2, 3, *self.pieces.measured.shape))
-        for n, name in enumerate(MARKERS):
-            change = np.zeros_like(every)
-            change[..., 3 * n : 3 * n + 3] = np.moveaxis(rotation[..., n, :, :], -1, 0)
-            yield PlaceResponse("marker_shift", name, change)
-            for axis in range(3):
-                every[axis, ..., 3 * n + axis] = 1.0
-                turned[axis, ..., 3 * n : 3 * n + 3] = np.cross(np.eye(3)[axis], marker[..., n, :])
-        yield PlaceResponse("camera_shift", NAMES["frame"][0], every)
-        yield PlaceResponse("camera_turn", NAMES["frame"][0], turned)
+        for handle in SHIFTS:
+            for n, name in enumerate(NAMES[KINDS[handle]]):
+                change = np.zeros((3, *self.pieces.measured.shape))
+                for axis, along in enumerate(np.eye(3)):
+                    moved = shift(handle, n, along, *self._frames, marker)
+                    change[axis, ..., : 3 * N_JOINTS] = moved.reshape(*moved.shape[:2], -1)
+                yield PlaceResponse(handle, name, change)
         yield PlaceResponse("camera_delay", NAMES["frame"][0], self._late()[None])
-        for n, name in enumerate(NAMES["body"]):
-            change = np.zeros_like(every)
-            for axis in range(3):
-                about, reach = rotation[..., n, None, :, axis], marker - origin[..., n, None, :]
-                shift = np.cross(about, reach)[..., n:, :]
-                change[axis, ..., 3 * n : 3 * N_JOINTS] = shift.reshape(*shift.shape[:2], -1)
-            yield PlaceResponse("link_turn", name, change)
         for j, name in enumerate(LOADS):
             load = np.broadcast_to(self._by_loads[j], self.pieces.measured.shape)
             yield PlaceResponse("load_shift", name, load[None])

@@ -10,7 +10,6 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, Instant
-from serpent_twin.effects.instant import MomentAtPlace
 from serpent_twin.effects.law import ACTUATOR_COMMAND, Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import clocks_of, session_time
@@ -70,16 +69,7 @@ def controls(
         now = told[:, t]
         now_at = time[:, t // parts, None] + t % parts * dt
         moment = DrivenMoment(
-            names,
-            dt,
-            now_at,
-            prior,
-            force,
-            logged[:, t],
-            now.copy(),
-            ahead[:, t],
-            now.copy(),
-            now.copy(),
+            names, dt, now_at, prior, force, logged[:, t], ahead[:, t], now.copy()
         )
         memory = memory if t else effects.begin(several, moment)
         effects.act(several, moment, memory)
@@ -110,14 +100,11 @@ class ToldBefore:
 
 @dataclass
 class DrivenMoment(Instant):
-    """One row of n runs, or a part of one; arrays are (n, nu), one number an actuator. `tell` changes the
-    goal.
-    """
+    """One row of n runs, or a part of one; arrays are (n, nu), one number an actuator."""
 
     given: ClassVar[frozenset[str]] = frozenset(
-        {"names", "dt", "time", "prior_runtime", "force_per_control", "command", "motor_angle",
-         "motor_velocity", "goal"}
-    )  # fmt: skip
+        {"names", "dt", "time", "prior_runtime", "force_per_control", "command", "motor_velocity"}
+    )
     followed: ClassVar[tuple[str, ...]] = (ACTUATOR_COMMAND,)
     changed: ClassVar[tuple[str, ...]] = (ACTUATOR_COMMAND,)
     usual_kind: ClassVar[str] = "actuator"
@@ -135,15 +122,20 @@ class DrivenMoment(Instant):
     """Of an actuator whose control is a force [N m or N], (nu,)"""
     command: Array
     """What the log tells the actuators [m, rad or 1]"""
-    motor_angle: Array
-    """The same with the scale and zeros of the fit [m or rad]"""
     motor_velocity: Array
-    """Its change from row to row [m or rad]"""
+    """Change from row to row of what reaches them [m or rad]"""
 
-    goal: Array
-    """The same as the motor angle, for effects that delay it"""
     winch_angle: Array
-    """What reaches them; the same, unless the drive has play"""
+    """What reaches them: that with the scale and zeros of the fit, unless effects change it [m, rad or 1]"""
+
+    @property
+    def goal(self) -> Array:
+        """The same, for effects that delay it."""
+        return self.winch_angle
+
+    @goal.setter
+    def goal(self, goal: Array) -> None:
+        self.winch_angle = goal
 
     @property
     def drive_torque(self) -> Array:
@@ -154,11 +146,6 @@ class DrivenMoment(Instant):
     def drive_torque(self, force: Array) -> None:
         self.winch_angle = force / self.force_per_control
 
-    def tell(self, goal: Array) -> None:
-        """Give the actuators another goal."""
-        object.__setattr__(self, "goal", goal)
-        self.winch_angle = goal.copy()
-
     def reading_of(self, law: Law) -> Array:
         """What a law follows, (n, 1); raises a `SerpentError` of one that remembers."""
         if not law.possible:
@@ -168,17 +155,3 @@ class DrivenMoment(Instant):
     def add(self, handle: str, place: str, size: Array) -> None:
         """Add a size (n, 1) to what reaches one actuator."""
         self.at(place).winch_angle += size
-
-    def at(self, place: str) -> "PartOfDrives":
-        """The moment of one actuator."""
-        return PartOfDrives(self, place)
-
-
-class PartOfDrives(MomentAtPlace):
-    """A moment of one actuator."""
-
-    def tell(self, goal: Array) -> None:
-        """Give the actuator another goal."""
-        changed = self.whole.goal.copy()
-        changed[self.whole.where("goal", self.place)] = goal
-        self.whole.tell(changed)

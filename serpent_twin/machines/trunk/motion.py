@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -34,10 +34,10 @@ SIMULATED = 27
 
 @dataclass
 class TrunkMoment(Instant):
-    """One time step of n trunks; arrays are (n, 6), one number a servo. `tell` changes the goal."""
+    """One time step of n trunks; arrays are (n, 6), one number a servo."""
 
     given: ClassVar[frozenset[str]] = frozenset(
-        {"dt", "time", "motor_velocity", "cable_torque", "disk", "stood", "goal"}
+        {"dt", "time", "motor_velocity", "cable_torque", "disk", "stood"}
     )
 
     dt: Array
@@ -62,10 +62,10 @@ class TrunkMoment(Instant):
     marker_shift: Array
     """By which disks' markers are elsewhere, in the disks' frames [m], (n, 9)"""
 
-    def tell(self, goal: Array) -> None:
-        """Give the servos another goal [rad], reached at once unless a later effect makes them yield."""
-        object.__setattr__(self, "goal", goal)
-        self.stand(goal)
+    def __setattr__(self, name: str, value: Any) -> None:
+        super().__setattr__(name, value)
+        if name == "goal":  # is reached at once, unless a later effect makes the servos yield
+            self.stand(value)
 
     def stand(self, angle: Array) -> None:
         """Set the angles of the servos, and of what winds the cables [rad]."""
