@@ -1,5 +1,7 @@
 """Test that attached effects move a plain MuJoCo program as they move a trace's own simulation."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -146,7 +148,7 @@ def test_actuators_are_told_what_a_trace_tells_them(arm, lacks):
     twin = arm.twin(lacks, {"zero of at_elbow": 3.0, "scale of the drives": 0.05})
     path, machine, pieces = arm.write(twin), arm.case.machine, arm.pieces
     resting = {n: np.c_[np.repeat(v[:, 9:10], 10, 1), v[:, 10:]] for n, v in pieces.column.items()}
-    pieces = type(pieces)(pieces.session, pieces.metadata, pieces.time, resting, pieces.measured)
+    pieces = replace(pieces, column=resting)
     x = dict(zip((d.name for d in machine.declared), twin.declared, strict=True))
     there = read_described(path).several
     told = controls(machine.described, there, x, pieces)[0]
