@@ -1,6 +1,6 @@
-"""Match the commands of motors, and columns of families, by simulation."""
+"""Match the commands of motors by simulation."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import permutations
 
 import numpy as np
@@ -56,40 +56,6 @@ def find_forces(found: Matches, pool: Sequence[str]) -> None:
         found.say(column, f"by simulation, which leaves {100 * share:.0f} %{many}")
 
 
-def find_families(found: Matches, pool: Sequence[str]) -> None:
-    """Find which of columns named alike are the commands, and which the readings, by simulation."""
-    several = by_name.families(found.robot, [found.logged.names[c] for c in pool])
-    ranked = []
-    for (read, _), (_, told) in permutations(several, 2):
-        uses = {j: use for j, c in read.column.items() if (use := found.reading_of(j, c))}
-        if len(uses) == len(read.column):
-            left = found.trials.left(uses, _controls(uses, told.column, found))
-            ranked.append((left.score, max(left.share.values()), read.column, told.column))
-    ranked.sort(key=lambda one: one[0])
-    if not ranked or ranked[0][1] > BELIEVED:
-        return
-    if len(ranked) > 1 and ranked[1][0] < ranked[0][0] + DECISIVE:
-        return
-    _, share, readings, commands = ranked[0]
-    found.readings |= readings
-    found.commands |= commands
-    for column in (*readings.values(), *commands.values()):
-        found.say(column, f"by its number, and a simulation that leaves {100 * share:.0f} %")
-        found.by_order.add(column)
-
-
-def _controls(uses: Mapping[str, Use], told: Assignment, found: Matches) -> dict[str, Use]:
-    """Columns as controls in their likeliest units."""
-    controls: dict[str, Use] = {}
-    for each in found.robot.actuators:
-        column = told[each.name]
-        if each.kind == FORCE:
-            controls[each.name] = (column, _sizes(each, column, found)[0])
-        elif each.joint in uses:
-            controls[each.name] = (column, abs(uses[each.joint][1]))
-    return controls
-
-
 def _may_be_force(column: str, found: Matches) -> bool:
     """Whether a column may be a torque that a motor is told, by its name."""
     about = found.logged.names[column]
@@ -99,13 +65,16 @@ def _may_be_force(column: str, found: Matches) -> bool:
 def _readings_of(
     joints: Sequence[str], left: Sequence[str], found: Matches
 ) -> Iterator[Assignment]:
-    """Columns that joints may have."""
+    """Columns that joints may have; of too many, those that differ in a number."""
     free = [c for c in left if found.logged.names[c].direction != COMMAND]
-    if len(free) ** len(joints) > MOST_TRIALS:
-        return
-    for order in permutations(free, len(joints)):
-        if all(found.reading_of(j, c) for j, c in zip(joints, order, strict=True)):
-            yield dict(zip(joints, order, strict=True))
+    if len(free) ** len(joints) <= MOST_TRIALS:
+        orders = permutations(free, len(joints))
+        several = (dict(zip(joints, order, strict=True)) for order in orders)
+    else:
+        several = by_name.families(joints, [found.logged.names[c] for c in free])
+    for each in several:
+        if all(found.reading_of(joint, column) for joint, column in each.items()):
+            yield each
 
 
 def _best_commands(

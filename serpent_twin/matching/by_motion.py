@@ -6,7 +6,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from serpent_twin.matching import by_name
-from serpent_twin.matching.by_force import MOST_TRIALS, find_families, find_forces
+from serpent_twin.matching.by_force import MOST_TRIALS, find_forces
 from serpent_twin.matching.follows import slope
 from serpent_twin.matching.matches import BELIEVED, DECISIVE, Matches
 from serpent_twin.matching.robot import SERVO, Actuator
@@ -26,8 +26,6 @@ def match(found: Matches, pool: Sequence[str]) -> None:
     servos = [a for a in found.robot.actuators if a.joint and a.kind == SERVO]
     for each in servos:
         _match_known(each, found, pool)
-    if not found.taken and len(servos) < len(found.robot.actuators):
-        find_families(found, pool)
     _match_pairs(servos, found, pool)
     find_forces(found, pool)
 

@@ -103,18 +103,14 @@ def whose(robot: Robot, columns: Sequence[ColumnName]) -> NameMatches:
     return found
 
 
-def families(robot: Robot, columns: Sequence[ColumnName]) -> list[tuple[NameMatches, NameMatches]]:
-    """Columns that differ in a number, as readings and as commands, where there is one for each joint and
-    each actuator.
-    """
+def families(joints: Sequence[str], columns: Sequence[ColumnName]) -> list[dict[str, str]]:
+    """Columns that differ in a number, by joint, where there is one for each joint."""
     made = []
     for family in _by_family(columns):
-        read, told = NameMatches(), NameMatches()
-        _match(family, _joints(robot), read)
-        _match(family, _actuators(robot), told)
-        whole = len(read.column) == len(robot.joints), len(told.column) == len(robot.actuators)
-        if all(whole):
-            made.append((read, told))
+        found = NameMatches()
+        _match(family, [Thing(joint, (joint,)) for joint in joints], found)
+        if len(found.column) == len(joints):
+            made.append(found.column)
     return made
 
 

@@ -78,7 +78,8 @@ def test_measured_markers_are_those_of_the_log(made):
 
 def test_estimated_markers_are_the_readout_s_and_start_with_a_whole_window(made):
     folder, session, _ = made
-    guess = playback.estimate(session, folder / "analytical")
+    shown = playback.ShownSession(folder / "swing.parquet", session, folder / "analytical", None)
+    guess = shown.guess
     assert guess.row[0] == readouts.load(folder / "analytical").window - 1
     entity = "/markers/estimated/marker9"
     step, _, points = column(folder / "swing.rrd", entity, "Points3D:positions")
