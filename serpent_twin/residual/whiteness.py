@@ -254,7 +254,7 @@ def _crossed(
     return sums / np.maximum(pairs, 1.0), far / np.sqrt(freedom + far**2)
 
 
-def _strongest(names: Sequence[str], r: Array, bound: Array) -> tuple[str, int, float, float]:
+def _strongest(names: list[str], r: Array, bound: Array) -> tuple[str, int, float, float]:
     """Input, lag [rows], correlation and bound where a channel follows an input most beside the bound, of
     correlations and bounds (L + 1, inputs).
     """
