@@ -29,8 +29,8 @@ class FrozenCase:
     name: str
     words: tuple[str, ...]
     """Verb and options; {shared} is the folder of logs that are no part of the project, {inputs} that of the
-    files which `prepare` makes, {machine} that of a measured machine's description, and other paths are in
-    the project
+    files which `prepare` makes, {machine} the folder of a measured machine's description, and other paths are
+    in the project
     """
     prepare: Callable[[Path, Path], object] | None = None
     """Makes what the command reads, from the shared folder, in a new folder"""
@@ -61,7 +61,7 @@ def _machine(
 ) -> FrozenCase:
     """A measured machine, the beginnings of some of its files."""
     words = ("trace", "--logs", "{inputs}/logs", "--judge", judge, "--no-discover")
-    machine = options or ("--machine", f"{{machine}}/{name}.toml")
+    machine = options or ("--machine", "{machine}")
     folder = f"{{shared}}/measured/{name}"
     return FrozenCase(name, (*words, *machine), _shortened(folder, patterns, rows), folder)
 
@@ -152,8 +152,11 @@ def run(case: FrozenCase, tree: Path, shared: Path, made: Path) -> dict[str, Any
         out = Path(folder)
         described = out / "machine"
         described.mkdir()
-        for path in [*inputs.glob("*.xml"), *tree.glob(f"experiments/measured/{case.name}.*")]:
+        here = tree / "experiments" / "measured"
+        for path in [*inputs.glob("*.xml"), *here.glob(f"{case.name}/*")]:
             shutil.copy(path, described)
+        for path in here.glob(f"{case.name}.*"):  # of trees before each machine had a folder
+            shutil.copy(path, described / path.name.replace(f"{case.name}.toml", "machine.toml"))
         places = {"shared": shared, "inputs": inputs, "machine": described}
         verb, *options = (word.format(**places) for word in case.words)
         words = ["-m", f"serpent_twin.{verb}", *options, "--out", str(out / "result")]

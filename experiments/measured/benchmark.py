@@ -26,8 +26,6 @@ class Benchmark:
     """Where the original recordings are"""
     reference_by: str = ""
     """What reached the reference, where nothing is published"""
-    description: str = ""
-    """Name of the machine.toml beside this file, of a machine that is not Python"""
     model: str = ""
     """Name of its MJCF, if that lies with the logs"""
     unchanged: str = "*"
@@ -48,7 +46,6 @@ BENCHMARKS: Mapping[str, Benchmark] = {
         reference=0.37,
         sketch=0.44,
         origin="github.com/MRDLab/mis-tool-characterization, commit 03658b2",
-        description="jaw.toml",
     ),
     "trunk": Benchmark(
         TIP_RMS,
@@ -66,16 +63,16 @@ BENCHMARKS: Mapping[str, Benchmark] = {
         sketch=7.0,
         origin="github.com/ContinuumRoboticsLab/opencr-mujoco, commit 17fff8b",
         reference_by="the authors' own fit of three segments' pretension, on the poses that it was fitted to",
-        description="opencr.toml",
         model="v4.xml",
     ),
 }
 
 
 def rig_of(name: str, data: Path) -> Any:
-    """A machine, whose logs lie in a folder of its name in the data."""
-    bench = BENCHMARKS[name]
-    if not bench.description:
+    """A machine, whose logs lie in a folder of its name in the data; a folder of its name here describes it,
+    unless it is Python.
+    """
+    described, model = Path(__file__).parent / name / "machine.toml", BENCHMARKS[name].model
+    if not described.is_file():
         return machines.find(name)
-    model = data / name / bench.model if bench.model else None
-    return open_machine(Path(__file__).with_name(bench.description), model)
+    return open_machine(described, data / name / model if model else None)

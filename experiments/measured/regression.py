@@ -7,6 +7,7 @@ import numpy as np
 
 from experiments.measured.metric import TIP_RMS, Metric
 from serpent_twin.arrays import Array
+from serpent_twin.machines.model.known import STATED
 from serpent_twin.tables.log import Log
 
 _RIDGE = 1e-3
@@ -26,7 +27,7 @@ def _xl330(run: Log) -> Array:
     at = np.maximum(np.arange(len(run))[:, None] - rows, 0)
     goal, on = c["goal_position"][at], c["torque_enable"][at]
     base = np.concatenate([goal * on, np.sin(goal) * on, on], axis=1)
-    return np.concatenate([base, np.log(run.metadata["kp"]) * base], axis=1)
+    return np.concatenate([base, np.log(run.metadata[STATED]["kp"]) * base], axis=1)
 
 
 def _jaw(run: Log) -> Array:

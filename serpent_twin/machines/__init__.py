@@ -8,6 +8,8 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.rig import Rig
 from serpent_twin.runs.provenance import file_hash
 
+_DESCRIBED = ("jaw", "xl330")
+"""Rigs of before, which are folders of `experiments/measured` now"""
 _NO_RIGS = ("candidate", "case", "machine", "measured", "model", "places", "proposals", "rig")
 
 
@@ -41,6 +43,9 @@ def find(name: str) -> Rig:
     """The rig of a name, or of a machine.toml; raises a `SerpentError` that lists what there is."""
     if name.endswith(".toml"):
         return importlib.import_module(f"{__name__}.model").open_machine(Path(name))
+    if name in _DESCRIBED:
+        where = f"experiments/measured/{name}/machine.toml"
+        raise SerpentError(f"{name} is no rig any more: give --machine {where} in place of --rig.")
     if name not in available():
         raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(available())}.")
     return importlib.import_module(f"{__name__}.{name}").MACHINE

@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from measured_logs import jaw, pendulum
 from moments import moment
 from motion import wander
 from numpy.testing import assert_allclose
+from trunk_runs import answer, log, shape
 
 from serpent_twin import effects, playback, sessions
 from serpent_twin.arm.parameters import NOMINAL
@@ -22,9 +22,7 @@ from serpent_twin.estimators.bus_reading import BusReading
 from serpent_twin.live.estimate import estimate
 from serpent_twin.live.follower import Follower
 from serpent_twin.live.options import Estimate
-from serpent_twin.machines import jaw as tool
-from serpent_twin.machines import xl330
-from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.trunk import Trunk
 from serpent_twin.machines.trunk.motion import Trunks
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import collect
@@ -35,7 +33,6 @@ from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import TIMESTEP, impose
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
-from serpent_twin.tables.log import Log
 
 WORN = TwinModel(effects=(KNOWN["stiffness_drift"](0.5, carries=1.0),))
 HALF = TwinModel(replace(NOMINAL, strand_stiffness=0.5 * NOMINAL.strand_stiffness))
@@ -260,29 +257,16 @@ def test_a_memory_of_unsaid_length_is_refused():
         assert type("Said", (Effect,), {"start": start, "remembers": lasts}).remembers is lasts
 
 
-def test_effects_of_another_machine_are_refused_by_name():
-    """No play in a servo without cables, no other torque of a drive that is where it is logged."""
-    about, columns = pendulum(200, 0, 0, 0, seconds=0.1)
-    log = Log(None, about, columns | {"velocity": 0 * columns["time"]})
-    runs = xl330.MACHINE.open([]).pieces([log])
-    start = ParameterVector(np.zeros(4))
-    with pytest.raises(SerpentError, match=r"effect GearBacklash .* winch_angle cannot be changed"):
-        xl330.Xl330().respond([start.having("gear_backlash", np.array([0.02]))], runs)
-    with pytest.raises(
-        SerpentError, match="effect CableCreep cannot act here: it needs slack, which"
-    ):
-        xl330.Xl330().respond([start.having("cable_creep", np.array([0.3, 60.0, -1.0]))], runs)
-    with pytest.raises(
-        SerpentError, match="effect MotorLatency cannot act here: it needs reading_age, which"
-    ):
-        xl330.Xl330().respond([start.having("motor_latency", np.array([0.03]))], runs)
-    about, columns = jaw(0.2, 0.1, 0.01, 0.1, 0.1, 0.0, seconds=0.1)
-    log = Log(None, about, columns)
-    case = tool.MACHINE.open([log])
-    with pytest.raises(SerpentError, match=r"effect TorqueSaturation .* drive_torque cannot be"):
-        case.machine.respond(
-            [start.having("torque_saturation", np.array([0.5]))], case.pieces([log])
-        )
+@pytest.mark.parametrize(
+    ("name", "values", "said"),
+    [
+        ("gear_friction", [0.3], "GearFriction cannot act here: it needs horn_torque, which"),
+        ("motor_latency", [0.03], "MotorLatency cannot act here: it needs reading_age, which"),
+    ],
+)
+def test_effects_of_another_machine_are_refused_by_name(name, values, said):
+    with pytest.raises(SerpentError, match=said):
+        answer(Trunk(shape()), log([0.0] * 6, seconds=0.1), **{name: values})
 
 
 def test_a_long_memory_is_refused_where_logs_are_cut_into_windows():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from measured_logs import pendulum, write_log
-from paths import DATA
+from paths import DATA, ROOT
 
 from serpent_twin import check as command
 from serpent_twin.command_line import cli
@@ -14,6 +14,9 @@ from serpent_twin.sessions import read_session, write_session
 
 ARM = DATA / "arm_a"
 GAINS = (100, 300, 600)
+SERVO, JAW = (
+    ROOT / "experiments" / "measured" / name / "machine.toml" for name in ("xl330", "jaw")
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,21 +41,21 @@ def run(capsys, *words):
 
 def test_the_files_hold_what_is_printed(servo, tmp_path, capsys):
     out = tmp_path / "out"
-    status, printed, _ = run(capsys, "--logs", servo, "--rig", "xl330", "--out", out)
+    status, printed, _ = run(capsys, "--logs", servo, "--machine", SERVO, "--out", out)
     found = json.loads((out / "identifiability.json").read_text())
     assert status == (0 if found["can_be_told"] else 1)
     assert found["sentence"] in printed
     names = [each["name"] for each in found["effects"]]
-    assert names[0] == "mocap_latency" and "hinge_friction" in names
+    assert "hinge_friction@horn" in names
     assert all(name.replace("_", " ") in printed for name in names)
-    (friction,) = (e for e in found["effects"] if e["name"] == "hinge_friction")
+    (friction,) = (e for e in found["effects"] if e["name"] == "hinge_friction@horn")
     assert friction["can_be_told"] and 0 < friction["limit"] < friction["typical"]
     hidden = [e["name"] for e in found["effects"] if not e["can_be_told"]]
     assert bool(hidden) == (not found["can_be_told"])
-    assert [each["name"] for each in found["inputs"]] == ["goal", "horn"]
-    per_volt = found["parameters"][0]
-    assert per_volt["unit"] == "mN m/V" and per_volt["prior"] == pytest.approx(0.3 * 104, rel=1e-3)
-    assert found["provenance"]["rig"] == "xl330"
+    assert [each["name"] for each in found["inputs"]] == ["servo"]
+    (rubs,) = (p for p in found["parameters"] if p["name"] == "joint friction of horn")
+    assert rubs["unit"] == "N m" and rubs["prior"] == pytest.approx(1.0 * 0.01, rel=1e-3)
+    assert found["provenance"]["rig"] == str(SERVO)
     assert "hinge friction" in (out / "report.md").read_text()
     assert (out / "figures" / "detection_limits.png").stat().st_size > 5_000
     assert printed.rstrip().splitlines()[-1].startswith("next: python -m serpent_twin.trace --logs")
@@ -60,7 +63,7 @@ def test_the_files_hold_what_is_printed(servo, tmp_path, capsys):
 
 def test_another_runs_folder_is_refused(servo, tmp_path, capsys):
     (tmp_path / "note.txt").write_text("mine")
-    status, _, said = run(capsys, "--logs", servo, "--rig", "xl330", "--out", tmp_path)
+    status, _, said = run(capsys, "--logs", servo, "--machine", SERVO, "--out", tmp_path)
     assert status == 2 and str(tmp_path) in said
     assert [each.name for each in tmp_path.iterdir()] == ["note.txt"]
 
@@ -72,7 +75,9 @@ def test_an_empty_folder_is_an_error_of_the_user(tmp_path, capsys):
 
 def test_an_unknown_machine_is_refused_with_those_that_there_are(tmp_path, capsys):
     status, _, said = run(capsys, "--logs", tmp_path, "--rig", "leg")
-    assert status == 2 and "no rig 'leg'" in said and "xl330" in said
+    assert status == 2 and "no rig 'leg'" in said and "trunk" in said
+    status, _, said = run(capsys, "--logs", tmp_path, "--rig", "jaw")
+    assert status == 2 and "give --machine experiments/measured/jaw/machine.toml" in said
 
 
 def changed(folder, change, files=None):
@@ -98,5 +103,5 @@ def test_logs_of_different_machines_are_refused(servo, tmp_path, capsys):
 
     status, _, said = run(capsys, "--logs", changed(tmp_path / "mixed", rename, 2))
     assert status == 2 and "differ in arm" in said
-    status, _, said = run(capsys, "--logs", servo, "--rig", "jaw")
-    assert status == 2 and "another machine" in said
+    status, _, said = run(capsys, "--logs", servo, "--machine", JAW)
+    assert status == 2 and "no column 'spindle_position'" in said

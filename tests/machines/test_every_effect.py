@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,21 +11,20 @@ import moving_models
 import numpy as np
 import pytest
 from example import Example
-from measured_logs import jaw, pendulum
+from measured_logs import pendulum, write_log
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
+from paths import ROOT
 from trunk_runs import log, shape
 
 from serpent_twin import effects, stored
 from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines import jaw as tool
-from serpent_twin.machines import trunk, xl330
+from serpent_twin.machines import trunk
 from serpent_twin.machines.arm.catalogue import CATALOGUE, LEFT_OUT
 from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.machines.measured import HingeMoment
 from serpent_twin.machines.model import machine as model_machine
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.starts import with_starts
@@ -38,8 +37,6 @@ from serpent_twin.tables.segments import Stretch, cut
 _S = wander(6, pace=0.06)
 MOVED = replace(_S, motors=replace(_S.motors, time=100.0 + _S.motors.time))
 """A second in which the arm's joints wander, when gears are still cold and cables have softened"""
-BESIDE = {("jaw", "cable_stiffening"): (KNOWN["cable_stretch"](0.5),)}
-"""What must be there for an effect to show: a rigid cable cannot stiffen"""
 
 
 @dataclass(frozen=True)
@@ -82,15 +79,15 @@ def _bench(module, machine, *logs, every=1):
     return Bench(machine.candidates, cache(respond))
 
 
-def _jaw():
-    logs = [Log(None, *jaw(0.4, load, 0.02, 0.2, 0.5, 0.01, seconds=1)) for load in (0.05, 0.1)]
-    return _bench(tool, replace(tool.Jaw(), zero=1.4), *logs, every=2)
-
-
 def _servo():
-    made = [pendulum(kp, 0.01, 0.002, 0.1, seconds=1, seed=kp) for kp in (100, 400)]
-    logs = [Log(None, about, c | {"velocity": 0 * c["time"]}) for about, c in made]
-    return _bench(xl330, xl330.Xl330(), *logs)
+    """The servo of the experiment, at two P gains."""
+    rig = open_machine(ROOT / "experiments" / "measured" / "xl330" / "machine.toml")
+    with tempfile.TemporaryDirectory() as folder:
+        for kp in (100, 400):
+            about, columns = pendulum(kp, 0.01, 0.002, 0.1, seconds=1, seed=kp)
+            write_log(Path(folder) / f"{kp}.parquet", about, **columns)
+        logs = rig.read(Path(folder))
+    return _bench(model_machine, rig.open(logs).machine, *logs)
 
 
 def _trunk():
@@ -127,7 +124,7 @@ def _tendon():
 
 
 BENCHMARKS = {
-    "arm": Bench(candidates(), arms), "jaw": _jaw(), "model": _model(), "tendon": _tendon(),
+    "arm": Bench(candidates(), arms), "model": _model(), "tendon": _tendon(),
     "trunk": _trunk(), "xl330": _servo(),
 }  # fmt: skip
 PAIRS = [(machine, name) for machine, bench in BENCHMARKS.items() for name in bench.candidates]
@@ -183,8 +180,8 @@ def test_zero_is_the_nominal_twin_bit_for_bit(machine, name):
 @of_machines
 def test_a_typical_strength_shows(machine, name):
     """By more than rounding: 10 µm, 0.01 % of the stall torque, 10 µrad or 10 µN m somewhere."""
-    respond, beside = BENCHMARKS[machine].respond, BESIDE.get((machine, name), ())
-    shown = respond((*beside, made(machine, name))) - respond(beside)
+    respond = BENCHMARKS[machine].respond
+    shown = respond((made(machine, name),)) - respond(())
     assert np.abs(shown).max() > 1e-5
 
 
@@ -278,8 +275,7 @@ def test_what_bristles_hold_counts_as_a_pose_that_is_off_by_their_deflection():
 def rubbed(speed, **given):
     """The friction that a hinge has at speeds [rad/s]."""
     rows, none = np.reshape(speed, (-1, 1)), np.zeros((np.size(speed), 1))
-    names = [f.name for f in fields(HingeMoment)]
-    moment = HingeMoment(**dict.fromkeys(names, none) | {"joint_velocity": rows} | given)
+    moment = SimpleNamespace(**{"joint_velocity": rows, "gear_friction": none} | given)
     KNOWN["stribeck"](0.04, 0.2).act(moment, None)
     return moment.gear_friction[:, 0]
 
@@ -290,15 +286,3 @@ def test_stribeck_falls_with_speed_by_bo_and_pavelescu():
     friction = rubbed(speed, gear_friction=np.full((7, 1), 0.03))
     assert_allclose(friction, 0.03 + 0.04 * np.exp(-np.abs(speed) / 0.2), rtol=1e-12)
     assert friction.max() == friction[3] == pytest.approx(0.07)
-
-
-@pytest.mark.parametrize("speed", [0.05, 0.2, 0.8])
-def test_stribeck_is_what_the_spindle_feels(speed):
-    """A jaw that nothing loads, turned evenly: the spindle's torque is the friction at that speed."""
-    time = np.arange(0, 1, 0.005)
-    none = np.zeros_like(time)
-    names = ("time", "spindle_position", "jaw_torque", "jaw_position", "spindle_torque")
-    run = Log(None, {}, dict(zip(names, (time, speed * time, none, none, none), strict=True)))
-    several = (KNOWN["hinge_friction"](0.03, 0.0), KNOWN["stribeck"](0.04, 0.2))
-    torque = _bench(tool, tool.Jaw(), run, every=2).respond(several).reshape(-1, 2)[50:, 1]
-    assert_allclose(torque, -(0.03 + 0.04 * np.exp(-speed / 0.2)), rtol=0.01)

@@ -14,7 +14,7 @@ from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 
-TOML = ROOT / "experiments" / "measured" / "jaw.toml"
+TOML = ROOT / "experiments" / "measured" / "jaw" / "machine.toml"
 MEASURED = DATA / "jaw"
 FRICTION, ELASTICITY = "hinge_friction@wrist", "joint_elasticity@wrist"
 measured = pytest.mark.skipif(not MEASURED.is_dir(), reason=WHERE)

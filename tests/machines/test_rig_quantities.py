@@ -11,7 +11,7 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.identification.build_diagnosis import _calibrated
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters
-from serpent_twin.machines import jaw, trunk, xl330
+from serpent_twin.machines import trunk
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.vector import vector
@@ -83,27 +83,6 @@ def test_the_arms_table_holds_the_numbers_of_its_design(arm, spread):
     assert nominal["strand stiffness 3+"] == NOMINAL.strand_stiffness / 1e3
     assert nominal["place of marker 1, y in its link's frame"] == 25
     assert len(found) == len(arm.declared)
-
-
-def test_the_servos_table_holds_the_numbers_of_its_model():
-    x = RNG.normal(0, 0.2, 4)
-    machine = xl330.Xl330()
-    found, model = at(machine, machine.quantities, x), machine.spec(x, ()).compile()
-    assert found["torque per volt"] == pytest.approx(1e3 * model.actuator_gainprm[0, 0])
-    per_speed = -model.actuator_biasprm[0, 2] / model.actuator_gainprm[0, 0]
-    assert found["voltage per speed"] == pytest.approx(per_speed)
-    assert found["rotor's inertia"] == pytest.approx(1e3 * model.dof_armature[0])
-    assert found["zero of the angle"] == x[3]
-
-
-def test_the_jaws_table_holds_the_numbers_of_its_model():
-    x = RNG.normal(0, 0.2, 4)
-    machine = jaw.Jaw(zero=0.3)
-    found, model = at(machine, machine.quantities, x), machine.spec(x, ()).compile()
-    assert found["zero of the jaw"] == pytest.approx(-np.degrees(model.tendon_lengthspring[0, 0]))
-    assert found["jaw's turn per turn of the spindle"] == pytest.approx(-model.wrap_prm[1])
-    assert found["zero of the spindle's torque"] == x[2]
-    assert found["scale of the load torque"] == pytest.approx(np.exp(x[3]))
 
 
 def test_the_trunks_table_holds_the_numbers_of_its_shape():

@@ -184,6 +184,23 @@ def test_a_log_of_another_machine_is_refused(tmp_path):
         MACHINE.read(path)
 
 
+def test_files_that_cannot_be_read_say_what_to_do(tmp_path):
+    for folder, said in ((tmp_path / "none", "no folder"), (tmp_path, r"no \*\.parquet in")):
+        with pytest.raises(SerpentError, match=rf"{said} .*\. Name the folder"):
+            MACHINE.read(folder)
+    path, rows = tmp_path / "a.parquet", np.arange(100.0)
+    columns = {"time": 0.01 * rows} | dict.fromkeys((*GOALS, *ANGLES, *SEEN), rows)
+    write_log(path, {}, **columns | {GOALS[0]: np.nan * rows})
+    with pytest.raises(SerpentError, match=r"command are not finite .* Repair or leave out"):
+        MACHINE.read(path)
+    write_log(path, {}, **columns | {"time": columns["time"][::-1]})
+    with pytest.raises(SerpentError, match=r"time does not increase .* Repair or leave out"):
+        MACHINE.read(path)
+    path.write_bytes(b"no parquet")
+    with pytest.raises(SerpentError, match=r"not a whole Parquet file.* Copy it again"):
+        MACHINE.read(path)
+
+
 @measured
 def test_first_guesses_find_where_the_measured_trunk_hangs():
     (run,) = MACHINE.read(MEASURED / "controlled_1.parquet")

@@ -11,7 +11,7 @@ from serpent_twin.identification.detection import opening_fit
 from serpent_twin.identification.next_motion import next_motion
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.xl330 import Xl330
+from serpent_twin.machines.trunk import Trunk
 from serpent_twin.next_step import typed
 from serpent_twin.plan import after_plan
 from serpent_twin.planning import evidence, traced
@@ -82,7 +82,7 @@ def test_a_folder_that_is_no_trace_is_refused(tmp_path):
 
 def test_a_machine_that_nothing_commands_refuses():
     with pytest.raises(SerpentError, match="commands"):
-        Xl330.propose(Xl330, None, 1, 1.0, 1.0, None)  # type: ignore[arg-type]
+        Trunk.propose(Trunk, None, 1, 1.0, 1.0, None)  # type: ignore[arg-type]
 
 
 def test_open_questions_stand_in_the_order_of_need():

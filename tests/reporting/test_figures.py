@@ -22,7 +22,7 @@ READOUTS = [*available(), "one_more", "and_another"]
 RANGES = [(2, 100), (4.1, 4.9), (3, 20), (1e-6, 1e7)]
 EFFECTS = sorted(
     {name for kind in CATALOGUE.values() for name in kind.confused_with} | set(CATALOGUE)
-    | {"hinge_friction", "stribeck", "torque_saturation", "cable_stretch", "shaft_stretch",
+    | {"hinge_friction", "stribeck", "torque_saturation",
        "command_delay", "servo_sag", "link_compression"}
 )  # fmt: skip
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 from made_readouts import made
-from measured_logs import pendulum, write_log
 from session_log import make_session
 from trunk_runs import made as trunk_log
 from trunk_runs import moving, shape
@@ -26,7 +25,6 @@ from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.trunk import MACHINE, Trunk
-from serpent_twin.machines.xl330 import MACHINE as SERVO
 from serpent_twin.reservoir.sweep import run as sweep
 from serpent_twin.residual import learned
 from serpent_twin.sim import twin_model
@@ -121,7 +119,6 @@ _ROW = {"mean_mm": 4.0, "std_mm": 1.0, "tip_mm": 5.0, "latency_ms": 0.1, "train_
 _ADAPTED = {"logs": "x", "test_sessions": ["a"], "provenance": {}}
 _POINT = {"point": {}, "arm": {}, "measuring": {}, "failed": {}, "body": None, "pose": None}
 _TURNS = LastSeen(np.arange(10), np.zeros(10, int), False)
-_ABOUT, _DRIVEN = pendulum(200, 0, 0, 0, seconds=1)
 
 READERS: dict[str, Reader] = {
     "twin.json": Reader(
@@ -154,10 +151,6 @@ READERS: dict[str, Reader] = {
     "log": Reader(
         _written("session_01.parquet", lambda path: sessions.write_session(path, make_session())),
         sessions.read_session, ("rate_hz",), *_footer(b"serpent_twin"), inside=True, further=True,
-    ),
-    "measured": Reader(
-        _written("a.parquet", lambda path: write_log(path, _ABOUT, **_DRIVEN)),
-        lambda path: SERVO.read(path), ("kp",), *_footer(b"measured"), inside=True, further=True,
     ),
     "scores": Reader(
         _written("s.npz", _scores),

@@ -1,16 +1,13 @@
 """Share the code of the rigs of other measured machines."""
 
-from serpent_twin.machines.measured.hinge import HingeMoment, Turns
 from serpent_twin.machines.measured.machine import RunMachine
 from serpent_twin.machines.measured.recording import KEY, read, read_runs
 from serpent_twin.machines.measured.twin_file import MachineTwin, read_twin
 
 __all__ = [
     "KEY",
-    "HingeMoment",
     "MachineTwin",
     "RunMachine",
-    "Turns",
     "read",
     "read_runs",
     "read_twin",

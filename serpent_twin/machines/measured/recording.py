@@ -22,17 +22,15 @@ FEWEST = 50
 _OTHER = "Name another --rig or --logs."
 
 
-def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]) -> Log:
-    """Read one run that must have these columns, and metadata of this form, or raise a `SerpentError`."""
+def read(path: Path, columns: Sequence[str]) -> Log:
+    """Read one run that must have these columns, or raise a `SerpentError`."""
     table = parquet.read(path, "Copy it again.")
     raw = table.metadata.get(KEY)
     if raw is None:
         raise SerpentError(
             f"{path} has no metadata under the key measured: it is no log of this kind. Leave it out."
         )
-    where = f"{path}: the metadata"
-    about = stored.parse_json(raw, dict[str, Any], where)
-    stored.take(about, metadata, where, _OTHER)
+    about = stored.parse_json(raw, dict[str, Any], f"{path}: the metadata")
     if lacking := [c for c in columns if c not in table.columns]:
         raise SerpentError(f"{path} lacks {', '.join(lacking)}: it is of another machine. {_OTHER}")
     if odd := [c for c, values in table.columns.items() if values.dtype.kind not in "fiub"]:
@@ -45,12 +43,10 @@ def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any
     return Log(path, about, found)
 
 
-def read_runs(
-    folder: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]
-) -> list[Log]:
+def read_runs(folder: Path, columns: Sequence[str]) -> list[Log]:
     """Read all runs of a folder, by name, or that of a file."""
     if folder.exists() and not folder.is_dir():
-        return [read(folder, columns, metadata)]
+        return [read(folder, columns)]
     if not folder.is_dir():
         raise SerpentError(f"There is no folder {folder}. Name the folder with the machine's logs.")
     files = sorted(folder.glob("*.parquet"))
@@ -58,7 +54,7 @@ def read_runs(
         raise SerpentError(
             f"There is no *.parquet in {folder}. Name the folder with the machine's logs."
         )
-    return [read(path, columns, metadata) for path in files]
+    return [read(path, columns) for path in files]
 
 
 def _check(path: Path, columns: dict[str, Array], needed: Sequence[str]) -> None:

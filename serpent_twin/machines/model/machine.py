@@ -215,8 +215,10 @@ class ModelMachine(RunMachine):
         with quietly(), np.errstate(all="ignore"):  # what is unstable is said by who asks
             if self.described.about.rows == POSES:
                 return np.array([self._at_rest(point).shown(pieces) for point in points])
-            several = acting_on_state(effects_at(points[0]), self.described.model)
-            at_once = len(points) if several or self.described.prescribed else 1
+            act = [bool(acting_on_state(effects_at(p), self.described.model)) for p in points]
+            if len(set(act)) > 1:
+                return np.concatenate([self.respond([p], pieces, timestep) for p in points])
+            at_once = len(points) if act[0] or self.described.prescribed else 1
             steps = round(self.row / timestep) if timestep else self.steps
             return np.concatenate(
                 [

@@ -25,6 +25,7 @@ class Seen:
         self, machine: Described, frame: Mapping[str, Any], twins: Sequence[Mapping[str, float]]
     ) -> None:
         self._machine, self._about, self._frame, self._twins = machine, machine.about, frame, twins
+        self._cameras = self._of_cameras()
         self.of_forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
         """Whether anything that is measured depends on the forces that act"""
         stages = mujoco.mjtStage
@@ -67,15 +68,22 @@ class Seen:
                 found[-1] += zero.repeat(len(found[-1]) // len(zero), axis=0)
         return np.concatenate(found, axis=1)
 
+    def _of_cameras(self) -> tuple[Array, Array]:
+        """Turn of the cameras' frame in each twin, (D, 1, 3, 3), and where that puts the pivot, (D, 1, 3)."""
+        if not any(each.site and each.cameras for each in self._about.measured):
+            return np.empty(0), np.empty(0)
+        turned, along = (
+            np.array([[x[n] for n in names] for x in self._twins]) for names in CAMERAS
+        )
+        turn = Rotation.from_rotvec(np.radians(turned)).as_matrix()
+        place = np.array(self._frame["pivot"]) + np.array(self._frame["shift"]) + 1e-3 * along
+        return turn[:, None], place[:, None]
+
     def _by_cameras(self, at: Array) -> Array:
         """Places in the world in the frame of the cameras [m], (n, 3)."""
-        pivot, shift = np.array(self._frame["pivot"]), np.array(self._frame["shift"])
-        found = []
-        for x, of in zip(self._twins, np.split(at, len(self._twins)), strict=True):
-            turned, along = (np.array([x[name] for name in names]) for names in CAMERAS)
-            about = Rotation.from_rotvec(np.radians(turned))
-            found.append(pivot + about.apply(of - pivot) + shift + 1e-3 * along)
-        return np.concatenate(found)
+        turn, place = self._cameras
+        away = at.reshape(len(self._twins), -1, 3) - np.array(self._frame["pivot"])
+        return ((turn @ away[..., None])[..., 0] + place).reshape(at.shape)
 
 
 def _pull(batch: Batch, tendon: int) -> Array:

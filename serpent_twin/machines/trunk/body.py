@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import scipy
 
+from serpent_twin.arm.hinge_friction import STICKS
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
-from serpent_twin.machines.measured import hinge
 from serpent_twin.machines.trunk.shape import CHANNEL, DISKS, ENDS_AT, Shape
 
 TIME_STEP = 0.01
@@ -86,7 +86,7 @@ def _piece(
         joint = piece.add_joint(name=f"joint{n}_{axis}", axis=[0, axis == "y", axis == "z"])
         joint.stiffness[0], joint.damping[0] = stiffness, stiffness * float(shape["settles"][0])
         joint.armature = _ARMATURE
-        hinge.stick(joint)
+        joint.solimp_friction[:2] = STICKS  # so that dry friction holds it still
     return piece
 
 
