@@ -63,15 +63,12 @@ class Messages:
             n: [t for t, k in zip(each, rows, strict=True) if k] for n, each in self.texts.items()
         }
         has = self.has
-        some = (lambda path: has(path)[rows]) if has else None
-        return Messages(
-            self.recorded[rows],
-            lambda path: self.field(path)[rows],
-            self.fields,
-            texts,
-            some,
-            self.units,
-            self.notes,
+        return dataclasses.replace(
+            self,
+            recorded=self.recorded[rows],
+            field=lambda path: self.field(path)[rows],
+            texts=texts,
+            has=(lambda path: has(path)[rows]) if has else None,
         )
 
 
