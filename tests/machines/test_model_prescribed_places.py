@@ -111,6 +111,7 @@ def test_a_change_shows_as_places_say_to_first_order(opened, at, channel, least)
 def test_a_change_shows_to_first_order_where_a_tendon_is_prescribed(tmp_path, at):
     """It holds neither joint alone, and passes by both."""
     path, time = cabled(tmp_path, "motion"), np.arange(0.0, 3.0, 0.02)
+    path.write_text("start = 0.06\n" + path.read_text())  # no start that answers to changes
     long = 1e3 * span([0.0, 0.0]) + 30 * np.sin(3 * time)
     elsewhere = np.outer(long, np.ones(3))  # is not looked at
     log = lines(tmp_path / "log.csv", np.c_[time, long, elsewhere, long])

@@ -78,6 +78,11 @@ class DriveColumn(Column, frozen=True):
     """Tendon whose length the column prescribes"""
     offset: Number | Literal["keyframe"] = 0.0
     """SI value where the column is 0, or "keyframe" for the value in the keyframe"""
+    velocity: str = ""
+    """Column of the velocity of a prescribed motion that was commanded as a velocity once a row, in the unit
+    per second: between rows the motion takes up, with a lag that the logs show, the velocity by which it is at
+    the next row in time; without it, a motion is a spline through its rows
+    """
     exact: bool = False
     """Whether zero and scale are known and not fitted, as where a servo's own encoder is measured"""
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
@@ -107,7 +112,9 @@ class MeasuredColumns(Form, frozen=True):
     site: str = ""
     """Site whose position is measured"""
     joint: str = ""
-    """Joint whose angle or length is measured"""
+    """Joint whose angle or length is measured; in a unit of torque or force, what drives a joint whose motion
+    is prescribed, its own friction included
+    """
     sensor: str = ""
     """Sensor of the model whose reading is measured"""
     tendon: str = ""
@@ -116,6 +123,8 @@ class MeasuredColumns(Form, frozen=True):
     """
     actuator: str = ""
     """Actuator whose force is measured: MuJoCo's `actuator_force`, that of a motor before its gear"""
+    frame: str = ""
+    """Site, fixed to the world, in whose frame the site's position is measured; by default the world's"""
     point: Vector = (0.0, 0.0, 0.0)
     """Place of the marker in the site's frame [m]"""
     cameras: bool = True
@@ -134,6 +143,16 @@ class MeasuredColumns(Form, frozen=True):
     def names(self) -> tuple[str, ...]:
         """The thing, or each column of a thing that has several."""
         return (self.of[1],) if self.site or len(self.columns) == 1 else self.columns
+
+    @property
+    def angle_of(self) -> str:
+        """The joint whose angle or length is measured; nothing where something else is."""
+        return "" if self.of_effort else self.joint
+
+    @property
+    def of_effort(self) -> bool:
+        """Whether a force or torque is measured."""
+        return TO_SI[self.unit][1] in ("N", "N m")
 
     @property
     def measure(self) -> Measure:

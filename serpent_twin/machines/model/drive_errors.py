@@ -27,7 +27,9 @@ _HALF = 0.5
 def amiss_in_drives(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
     """Each thing that is wrong: its key, and why."""
     found = []
-    if "" in names(model, mujoco.mjtObj.mjOBJ_ACTUATOR):
+    prescribed = [each.of for each in about.drive if not each.actuator]
+    unnamed = [n for n, name in enumerate(names(model, OBJECTS["actuator"])) if not name]
+    if any(acts_on(model, n) not in prescribed for n in unnamed):
         told = "must name each actuator of the model, where one has no name: give it one."
         found.append(("drive", told))
     for n, each in enumerate(about.drive):
@@ -132,7 +134,7 @@ def _amiss_together(about: Description, model: mujoco.MjModel) -> Iterator[str]:
     for kind, name in dict.fromkeys(driven):
         if kind != "actuator" and driven.count((kind, name)) > 1:
             yield f"must name each {kind} once: {name!r} has two drives."
-    for name in names(model, mujoco.mjtObj.mjOBJ_ACTUATOR):
+    for name in filter(None, names(model, mujoco.mjtObj.mjOBJ_ACTUATOR)):
         moved, count = acts_on(model, name), driven.count(("actuator", name))
         if moved in driven:
             if count:
@@ -140,7 +142,7 @@ def _amiss_together(about: Description, model: mujoco.MjModel) -> Iterator[str]:
                     f"prescribes the motion of {' '.join(moved)}, and also tells {name!r}, which acts on it: "
                     "leave one of the two out."
                 )
-        elif name and count != 1:
+        elif count != 1:
             how = "two drives" if count else "no drive"
             yield f"must name each actuator once: {name!r} has {how}."
     prescribed = [of for of in dict.fromkeys(driven) if of[0] != "actuator"]

@@ -31,7 +31,7 @@ def put_right(machine: Described, run: Log) -> Log:
     """
     columns, notes = dict(run.columns), list(run.metadata.get(NOTES, ()))
     for each in machine.about.measured:
-        if each.joint and joint_type(machine.model, each.joint) == "hinge":
+        if each.angle_of and joint_type(machine.model, each.joint) == "hinge":
             columns[each.columns[0]], note = _unwrapped(machine, run, each)
             notes += note
     for each in machine.about.measured:

@@ -87,7 +87,7 @@ def require_moving(machine: Described, logged: LoggedLimits) -> None:
 
 def unmeasured_joints(machine: Described) -> dict[str, str]:
     """The joints with a range that the logs lack, and in which unit that is."""
-    model, measured = machine.model, {each.joint for each in machine.about.measured}
+    model, measured = machine.model, {each.angle_of for each in machine.about.measured}
     units = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
     found = {}
     for n in np.flatnonzero(model.jnt_limited).tolist():
@@ -116,4 +116,4 @@ def allowed(machine: Described, logged: LoggedLimits) -> Array:
 
 def _joint_of(machine: Described) -> list[str]:
     """The joint of each measured column; nothing for another's."""
-    return [each.joint for each in machine.about.measured for _ in each.columns]
+    return [each.angle_of for each in machine.about.measured for _ in each.columns]

@@ -51,6 +51,7 @@ def read_runs(machine: Described, folder: Path) -> list[Log]:
     about = machine.about
     measured = [name for each in about.measured for name in each.columns]
     needed = [each.column for each in about.drive] + measured + machine.switches
+    needed += [each.velocity for each in about.drive if each.velocity]
     needed += [about.session] if about.session else []
     logs = find(folder, list(dict.fromkeys(needed)), measured)
     return in_sequence([each for log in logs for each in read(machine, log)])
@@ -102,7 +103,11 @@ def _columns(machine: Described, table: DataTable) -> RawLog:
         for name in machine.switches
         if name in table
     }
-    prescribed = {each.column for each in machine.prescribed}
+    for each in about.drive:
+        if each.velocity and each.velocity in table:
+            speed = _some_numbers(table, each.velocity, f"the velocity of {each.of[1]}")
+            driven[each.velocity] = _si(speed, each.unit, each.scale, 0.0)
+    prescribed = {name for each in machine.prescribed for name in (each.column, each.velocity)}
     commands = {n: v for n, v in driven.items() if n not in prescribed} | switches
     known = {n: v for n, v in driven.items() if n in prescribed}
     others = dict(_others(about.time, table, {*driven, *measured, *switches}))

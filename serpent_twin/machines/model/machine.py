@@ -203,6 +203,8 @@ class ModelMachine(RunMachine):
         spec = self.spec(declared, effects)
         for number, which, factor in known:
             change_number(spec, number, which, factor)
+        for sensor in [each for each in spec.sensors if each.name not in self.places]:
+            spec.delete(sensor)
         prescribe(spec, self.described)
         separate(spec, self.described)
         lengthen_buffers(spec)

@@ -137,7 +137,7 @@ def _shown(found: Sequence[PlaceResponse]) -> Iterator[PlaceResponse]:
 
 def _of_readings(twin: TwinAtRest, shape: tuple[int, ...]) -> Iterator[PlaceResponse]:
     """Shifts of the measured angles."""
-    joints = [each.joint for each in twin.machine.about.measured if each.joint]
+    joints = [each.angle_of for each in twin.machine.about.measured if each.angle_of]
     for name, change in channels_alone(twin.measured, shape):
         if name in joints:
             yield PlaceResponse(READING_SHIFT, name, change)

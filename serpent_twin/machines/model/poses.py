@@ -114,7 +114,7 @@ class RestingRuns:
     def __init__(self, posed: PosedRuns, n: int, beside: frozenset[str] = frozenset()) -> None:
         self.batch = side_by_side([posed.model] * n, threads())
         self.rest, self.seen = Equilibrium(self.batch), posed.seen
-        self.seen.bind(self.batch)
+        self.seen.bind(self.batch, [posed.model] * n)
         self.pose, self._time = self.batch.bind("qpos"), self.batch.bind("time")
         motion = posed.motion
         self._prescribed = Prescription(motion.machine, self.batch) if motion else None

@@ -1,7 +1,7 @@
 """Let joints and tendons of a model follow a motion that is known, and the rest respond."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -10,14 +10,23 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.coordinates import ratio_of, zero_of
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
+from serpent_twin.sim.stepper import addresses, in_a_row
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 
 _HELD = 0.9999
 """MuJoCo's impedance of a constraint that hardly gives way: the most that it allows"""
+_HEAVY = 1e6
+"""Times its inertia, an armature with which a joint moves as it is pushed whatever else acts on it"""
+_STANDING = 0.0167
+"""Speed [rad/s, m/s] about which dry friction turns from one side to the other"""
 _SHORT, _USUAL = 1e-9, 0.02
 """Time constants of constraints [s]: one that MuJoCo raises to two steps, and its default"""
+LAG = "lag of the drives"
+"""Name of the column of the time with which drives take up a velocity [rows]"""
+_JUMPS, _LONGEST = 0.5, 0.9
+"""Of the root mean square of all jumps, those of a velocity that count; the longest lag [rows]"""
 _PULLS, _MOMENT = 40, 3e-5
 """Steps and their length [s], in which tendons are brought to their first length"""
 _OFF = mujoco.mjtDisableBit
@@ -32,28 +41,74 @@ class KnownMotion:
     """Angles and lengths in each row [SI], (S, T, P)"""
     rate: Array
     """Their change per row, (S, T, P); zeros for poses"""
+    lag: Array
+    """Of those that take up a velocity after each row [rows], (S,)"""
 
     @staticmethod
     def together(several: Sequence["KnownMotion"]) -> "KnownMotion":
         """The motion of the runs of some twins, one twin after the other."""
-        at, rate = (np.concatenate([getattr(each, n) for each in several]) for n in ("at", "rate"))
-        return KnownMotion(several[0].machine, at, rate)
+        names = ("at", "rate", "lag")
+        each = (np.concatenate([getattr(one, n) for one in several]) for n in names)
+        return KnownMotion(several[0].machine, *each)
+
+    def path(self, times: Array) -> Array:
+        """Angles and lengths at times [rows], (S, N, P); before the first row, as its rate says."""
+        spline = CubicHermiteSpline(np.arange(self.at.shape[1]), self.at, self.rate, axis=1)(times)
+        by_velocity = [n for n, each in enumerate(self.machine.prescribed) if each.velocity]
+        if by_velocity:
+            rows = np.clip(times.astype(int), 0, self.at.shape[1] - 2)
+            since = np.where(times < 0, 0.0, times - rows)[:, None]
+            at, old, lag = self.at[..., by_velocity], self.rate[..., by_velocity], self.lag[:, None, None]
+            taken = lag * (1 - _faded(1.0, lag))
+            new = (np.diff(at, axis=1) - old[:, :-1] * taken) / (1 - taken)
+            old, new, begun = old[:, rows], new[:, rows], at[:, rows]
+            faded = lag * (1 - _faded(since, lag))
+            found = begun + new * since + (old - new) * faded
+            spline[..., by_velocity] = found + np.minimum(times, 0.0)[:, None] * old
+        return spline
+
+
+def _faded(time: Array | float, lag: Array) -> Array:
+    """What is left of a change after a time, with a lag of first order; nothing without a lag."""
+    return np.where(lag > 0, np.exp(-time / np.maximum(lag, 1e-9)), 0.0)
 
 
 def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
-    """Add an equality constraint for each joint and tendon whose motion is known.
+    """Let each joint and tendon whose motion is known follow it, whatever force that takes.
 
-    MuJoCo solves for the force of a constraint together with the accelerations: unlike a stiff servo, it has
-    no stiffness that a time step must resolve, works across branches of the model, and passes what the motion
-    takes on to all bodies, so that force and torque sensors of the model show it. The semi-implicit
-    integrators know where a constraint is to be after a step; RK4 does not.
+    A joint in motion is so heavy that nothing but the force of its own acceleration moves it: that passes
+    what the motion takes on to all bodies, so that force and torque sensors of the model show it, and leaves
+    the solver nothing to do. A tendon, and all in a search for a rest, is held by an equality constraint,
+    whose force MuJoCo solves for together with the accelerations: it has no stiffness that a time step must
+    resolve, and works across branches of the model. The semi-implicit integrators know where a constraint is
+    to be after a step; RK4 does not. In a search for a rest, which a stiffer constraint would hinder, it has
+    MuJoCo's usual time constant.
 
-    What is so held has no limits, and no damping: nothing else would notice it, and implicit integration
-    takes it for a force that holds back. In a search for a rest, which a stiffer constraint would hinder, it
-    has MuJoCo's usual time constant.
+    What is prescribed has no limits, and no damping: nothing else would notice it, and implicit integration
+    takes it for a force that holds back. Dry friction of a joint in motion only adds to what drives it, see
+    `Effort`.
     """
-    if not machine.prescribed:
-        return
+    moves = machine.about.rows == MOTION
+    if machine.prescribed and spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    constrained = []
+    for drive in machine.prescribed:
+        kind, name = drive.of
+        followed = spec.joint(name) if kind == "joint" else spec.tendon(name)
+        followed.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+        followed.damping = np.zeros_like(followed.damping)
+        if not (moves and drive.joint):
+            constrained.append(drive)
+            continue
+        inertia = machine.model.dof_M0[machine.model.joint(name).dofadr[0]]
+        followed.userdata = [float(np.ravel(followed.frictionloss)[0])]
+        followed.frictionloss = np.zeros_like(followed.frictionloss)
+        followed.armature = np.full_like(followed.armature, _HEAVY * inertia)
+    if constrained:
+        _constrain(spec, constrained, _SHORT if moves else _USUAL)
+
+
+def _constrain(spec: mujoco.MjSpec, drives: Sequence[DriveColumn], time_constant: float) -> None:
     off = spec.option.disableflags
     if off & _OFF.mjDSBL_CONSTRAINT:
         off |= _OFF.mjDSBL_FRICTIONLOSS | _OFF.mjDSBL_LIMIT | _OFF.mjDSBL_CONTACT
@@ -63,35 +118,79 @@ def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
     kept = ~int(_OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_EQUALITY | _OFF.mjDSBL_REFSAFE)
     spec.option.disableflags = int(off) & kept
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    if spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4:
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    for drive in machine.prescribed:
-        kind, name = drive.of
-        held = spec.joint(name) if kind == "joint" else spec.tendon(name)
-        held.limited = mujoco.mjtLimited.mjLIMITED_FALSE
-        held.damping = np.zeros_like(held.damping)
-        of_joint = kind == "joint"
+    for drive in drives:
+        kind = "JOINT" if drive.joint else "TENDON"
         constraint = spec.add_equality(
             name=_constraint(drive.of),
-            type=mujoco.mjtEq.mjEQ_JOINT if of_joint else mujoco.mjtEq.mjEQ_TENDON,
-            objtype=mujoco.mjtObj.mjOBJ_JOINT if of_joint else mujoco.mjtObj.mjOBJ_TENDON,
-            name1=name,
+            type=getattr(mujoco.mjtEq, f"mjEQ_{kind}"),
+            objtype=getattr(mujoco.mjtObj, f"mjOBJ_{kind}"),
+            name1=drive.of[1],
             active=True,
         )
-        constraint.solref = [_SHORT if machine.about.rows == MOTION else _USUAL, 1.0]
+        constraint.solref = [time_constant, 1.0]
         constraint.solimp[:2] = _HELD
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What drives a heavy joint of n runs: what its own acceleration does not take, and dry friction."""
+
+    dof: int
+    inertia: Array
+    """(n,)"""
+    friction: Array
+    """[N m or N], (n,)"""
+
+    @classmethod
+    def at(cls, models: Sequence[mujoco.MjModel], joint: str) -> "Effort":
+        """That of a joint in runs of some models."""
+        dof = int(models[0].joint(joint).dofadr[0])
+        inertia = np.array([model.dof_armature[dof] for model in models])
+        friction = np.array([model.jnt_user[model.joint(joint).id][0] for model in models])
+        return cls(dof, inertia, friction)
+
+    def read(self, batch: Batch) -> Array:
+        """Torques or forces [N m or N], (n,); of friction, all in motion and nothing at rest."""
+        fields = ("qfrc_applied", "qacc", "qvel")
+        applied, acceleration, speed = (batch.bind(name)[:, self.dof] for name in fields)
+        against = self.friction * np.tanh(speed / _STANDING)
+        return applied - self.inertia * acceleration + against
 
 
 def with_rates(machine: Described, run: Log) -> dict[str, Array]:
     """A log's columns, and the rate per row of each prescribed motion: of the cubic spline through all rows,
     whose acceleration does not jump.
     """
-    rows = np.arange(len(run))
+    rows, period = np.arange(len(run)), float(np.median(np.diff(run.time)))
     rates = {
-        rate_column(each.column): CubicSpline(rows, run.columns[each.column])(rows, 1)
+        rate_column(each.column): period * run.columns[each.velocity]
+        if each.velocity
+        else CubicSpline(rows, run.columns[each.column])(rows, 1)
         for each in machine.prescribed
     }
     return run.columns | rates
+
+
+def with_lag(machine: Described, runs: Sequence[Log]) -> list[Log]:
+    """Logs with the mean time, in rows, with which drives take up a new velocity after a row: where x goes
+    from one row to the next by v T + (v₀ − v) τ, the slope τ of what a constant velocity leaves by the jumps of
+    the velocity; 0 for drives that are not commanded so.
+    """
+    jump, short = [], []
+    for run in runs:
+        time = np.diff(run.time)
+        for each in machine.prescribed:
+            if each.velocity:
+                at, v = run.columns[each.column], run.columns[each.velocity]
+                jump.append((v[:-1] - v[1:]) * time)
+                short.append(np.diff(at) - v[1:] * time)
+    lag = 0.0
+    if jump:
+        x, y = np.concatenate(jump), np.concatenate(short)
+        x[~np.isfinite(x + y)] = 0.0
+        use = np.abs(x) > _JUMPS * np.sqrt(np.mean(x**2))
+        lag = float(np.clip(x[use] @ y[use] / (x[use] @ x[use]), 0.0, _LONGEST)) if use.any() else 0.0
+    return [replace(run, columns=run.columns | {LAG: np.full(len(run), lag)}) for run in runs]
 
 
 def rate_column(column: str) -> str:
@@ -113,62 +212,95 @@ def known_motion(
         at.append(told + zero)
         usual = np.zeros_like(told)
         rate.append(scale * pieces.column.get(rate_column(each.column), usual))
-    return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1))
+    lag = pieces.column[LAG][:, 0] if LAG in pieces.column else np.zeros(len(pieces))
+    return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1), lag)
 
 
 class Prescription:
-    """Constraints of a batch that hold joints and tendons where they are known to be."""
+    """Joints and tendons of a batch that follow a known motion, or are held in poses at rest."""
 
-    def __init__(self, machine: Described, batch: Batch) -> None:
+    def __init__(
+        self, machine: Described, batch: Batch, motion: "PrescribedSteps | None" = None
+    ) -> None:
         model, drives = batch.model, machine.prescribed
-        self._batch = batch
-        self._which = [model.equality(_constraint(each.of)).id for each in drives]
-        self._data = batch.expand("eq_data")
-        for field in ("qpos", "qvel", "ten_length"):
-            batch.bind(field)
+        self._batch, self._motion = batch, motion
         self._joints = [n for n, each in enumerate(drives) if each.joint]
         self._tendons = [n for n, each in enumerate(drives) if each.tendon]
         names = [drives[n].joint for n in self._joints]
         self._length = [model.tendon(drives[n].tendon).id for n in self._tendons]
-        self._pose = [int(model.joint(name).qposadr[0]) for name in names]
-        self._speed = [int(model.joint(name).dofadr[0]) for name in names]
-        self._zero = np.array([_zero(model, *each.of) for each in drives])
+        pose, speed = addresses(model, names)
+        self._held = self._tendons if motion else [*range(len(drives))]
+        self._which = [model.equality(_constraint(drives[n].of)).id for n in self._held]
+        self._zero = np.array([_zero(model, *drives[n].of) for n in self._held])
+        if self._held:
+            self._data = batch.expand("eq_data")
+        self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
+        self._force, _ = batch.bind("qfrc_applied"), batch.bind("ten_length")
+        self._pose, self._speed = (in_a_row(each) if len(each) else each for each in (pose, speed))
+        self._inertia = model.dof_armature[speed]
 
     def hold(self, at: Array) -> None:
-        """Hold all at angles and lengths [SI], (n, P)."""
-        self._data[:, self._which, 0] = at - self._zero
+        """Constrain to angles and lengths [SI], (n, P)."""
+        if self._held:
+            self._data[:, self._which, 0] = at[:, self._held] - self._zero
 
     def rest(self, at: Array) -> None:
         """Set joints to angles, (n, P), and hold all."""
-        self._batch.bind("qpos")[:, self._pose] = at[:, self._joints]
+        self._qpos[:, self._pose] = at[:, self._joints]
         self.hold(at)
 
     def tighten(self, at: Array) -> None:
         """Hold by as much more as constraints gave way in poses at rest, so that these are right."""
         now = np.empty_like(at)
-        now[:, self._joints] = self._batch.bind("qpos")[:, self._pose]
+        now[:, self._joints] = self._qpos[:, self._pose]
         now[:, self._tendons] = self._batch.bind("ten_length")[:, self._length]
-        self._data[:, self._which, 0] += at - now
+        self._data[:, self._which, 0] += (at - now)[:, self._held]
 
-    def place(self, at: Array, speed: Array) -> None:
-        """Set joints to angles and rates, (n, P), and tendons to lengths, in next to no time: as forces along
-        them would, other speeds unchanged.
+    def place(self) -> None:
+        """Set joints and tendons to where the motion begins, and their rates.
+
+        Tendons are brought there in next to no time, as by forces along them, other speeds unchanged.
         """
-        self._batch.bind("qvel")[:, self._speed] = speed[:, self._joints]
+        assert self._motion
+        at, qvel = self._motion.at[0], self._qvel
+        qvel[:, self._speed] = self._motion.speed[:, self._joints]
         self.rest(at)
-        if not self._tendons:
-            return
-        qvel, timestep = self._batch.bind("qvel"), self._batch.expand("opt.timestep")
-        before, usual = qvel.copy(), timestep.copy()
-        timestep[...] = _MOMENT
-        for _ in range(_PULLS):
-            qvel[...] = 0.0
-            self._batch.step()
-        qvel[...], timestep[...] = before, usual
+        if self._tendons:
+            timestep = self._batch.expand("opt.timestep")
+            before, usual = qvel.copy(), timestep.copy()
+            timestep[...] = _MOMENT
+            for _ in range(_PULLS):
+                qvel[...] = 0.0
+                self._batch.step()
+            qvel[...], timestep[...] = before, usual
+        self._push(self._motion.faster[0])
+        self.hold(self._motion.first)
+
+    def follow(self, n: int) -> None:
+        """Let time step `n` end where the motion does."""
+        assert self._motion
+        if self._joints:
+            self._push(self._motion.faster[n])
+            self._qpos[:, self._pose] = self._motion.at[n][:, self._joints]
+            self._qvel[:, self._speed] = self._motion.older[n][:, self._joints]
+        if self._tendons:
+            self.hold(self._motion.held(n))
+
+    def seen(self, n: int) -> None:
+        """Let forces be those before step `n`: a velocity that is taken up then is not there yet."""
+        assert self._motion
+        self.follow(n)
+        before = self._motion.before(n)
+        self._push(before)
+        self.hold(self._motion.held(n, before))
+
+    def _push(self, faster: Array) -> None:
+        """Accelerate joints, (n, P) [1/s²]."""
+        self._force[:, self._speed] = self._inertia * faster[:, self._joints]
 
 
 class PrescribedSteps:
-    """A motion in time steps, and what its constraints must hold so that each step ends where it should.
+    """A motion of S runs in time steps, (N, S, P).
 
     A constraint's acceleration is −b v − k (x − h), of speed v, place x and held place h; MuJoCo's time
     constant of two steps dt makes b = 1/(d dt) and k = 1/(4 d dt²), with the impedance d. A semi-implicit
@@ -176,20 +308,36 @@ class PrescribedSteps:
     Source: MuJoCo documentation, Computation, Constraint model.
     """
 
-    def __init__(self, motion: KnownMotion, steps: int) -> None:
-        rows = motion.at.shape[1]
-        path = CubicHermiteSpline(np.arange(rows), motion.at, motion.rate, axis=1)
-        at = path(np.arange(-1, (rows - 1) * steps + 2) / steps)
-        change = np.diff(at, axis=1)
-        self.at = at[:, 1]
-        """Where it begins, (S, P)"""
-        self.change = (change[:, 0] + change[:, 1]) / 2
-        """Its change per step there, (S, P)"""
-        turn = 4 * _HELD * np.diff(change, axis=1)
-        self.held = at[:, 1:-1] + 4 * change[:, :-1] + turn
-        """In each step whose speed is half a step older than its place, (S, N, P)"""
-        self.first = self.at + 4 * self.change + turn[:, 0]
-        """At the beginning, with the speed there, (S, P)"""
+    def __init__(self, motion: KnownMotion, steps: int, step: Array, times: int = 1) -> None:
+        """So many steps of a length [s], (S,), in a row; each run so many times one after the other."""
+        rows = motion.at.shape[1]  # after the last of which a derivative takes the steps of one more
+        path = motion.path(np.arange(-2, rows * steps + 2) / steps)
+        path = np.ascontiguousarray(np.moveaxis(path.repeat(times, axis=0), 1, 0))
+        self._step = step.repeat(times)[:, None]
+        change = np.diff(path, axis=0) / self._step
+        self.at = path[2:]
+        """Where it is at the beginning of each step"""
+        self.older = change[1:]
+        """Its rates half a step before"""
+        self.speed = (change[1] + change[2]) / 2
+        """Its rates where it begins, (S, P)"""
+        self._faster = np.diff(change, axis=0) / self._step
+        self.faster = self._faster[1:]
+        """Its acceleration in each step"""
+        self.first = self.at[0] + 4 * self._step * self.speed + self._turn(self.faster[0])
+        """What constraints hold at the beginning, with the speed there, (S, P)"""
+
+    def before(self, n: int) -> Array:
+        """Its acceleration before step `n`, (S, P)."""
+        return 2 * self._faster[n] - self._faster[n - 1] if n > 1 else self._faster[n]
+
+    def held(self, n: int, faster: Array | None = None) -> Array:
+        """What constraints hold in a step whose speed is half a step older than its place, (S, P)."""
+        faster = self.faster[n] if faster is None else faster
+        return self.at[n] + 4 * self._step * self.older[n] + self._turn(faster)
+
+    def _turn(self, faster: Array) -> Array:
+        return 4 * _HELD * self._step**2 * faster
 
 
 def _constraint(of: tuple[str, str]) -> str:

@@ -39,6 +39,10 @@ from serpent_twin.numerals import listed
 from serpent_twin.units import TO_SI
 
 
+_EFFORT = ("N m", "N")
+"""SI units of what drives a hinge and a slide"""
+
+
 def read(path: Path, model_file: Path | None = None) -> Described:
     """Read a machine.toml and its MJCF, which may lie elsewhere; raises a `SerpentError` that names line and
     key.
@@ -69,7 +73,22 @@ def read(path: Path, model_file: Path | None = None) -> Described:
     if problem:
         key, text = problem
         raise SerpentError(with_line(f"{path}: {key} {text} {ADVICE}", raw))
-    return Described(path, pose_first(about), spec, model, several)
+    _delete_superseded(spec, about, model)
+    return Described(path, pose_first(about), spec, spec.compile(), several)
+
+
+def _delete_superseded(spec: mujoco.MjSpec, about: Description, model: mujoco.MjModel) -> None:
+    """Delete actuators of what follows a prescribed motion, and their sensors."""
+    prescribed = [each.of for each in about.drive if not each.actuator]
+    actuators = [a for n, a in enumerate(spec.actuators) if acts_on(model, n) in prescribed]
+    names = [each.name for each in actuators]
+    sensors = [
+        each
+        for each in spec.sensors
+        if each.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR and each.objname in names
+    ]
+    for each in (*sensors, *actuators):
+        spec.delete(each)
 
 
 def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
@@ -158,14 +177,16 @@ def _amiss_measured(
         yield "", "must name exactly one of " + ", ".join(KINDS) + "."
     elif name not in names(model, OBJECTS[kind]):
         yield kind, unknown(name, model, OBJECTS[kind])
-    elif each.of in prescribed:
-        yield kind, f"is {name!r}, whose motion a drive prescribes. Measure what responds to it."
-    elif kind == "actuator" and (moved := acts_on(model, name)) in prescribed:
-        why = f"is {name!r}, which acts on {' '.join(moved)}, whose motion a drive prescribes"
+    elif each.of in prescribed and (kind == "tendon" or TO_SI[each.unit][1] not in _EFFORT):
         yield (
             kind,
-            f"{why}: nothing tells it a control. Measure a force or torque sensor of the model.",
+            f"is {name!r}, whose motion a drive prescribes. Measure what responds to it, or the force or "
+            "torque that drives a joint.",
         )
+    elif (actuator := _actuator(model, kind, name)) and acts_on(model, actuator) in prescribed:
+        moved = " ".join(acts_on(model, actuator))
+        why = f"is {name!r}, which acts on {moved}, whose motion a drive prescribes: nothing tells it a control"
+        yield kind, f"{why}. Measure the force or torque that drives {moved}, or a sensor of another kind."
     elif kind == "sensor" and _is_quaternion(model, name):
         yield (
             kind,
@@ -186,12 +207,31 @@ def _amiss_measured(
         yield "columns", f"must be {wanted}: {kind} {name!r} has so many."
     elif each.zero and kind == "site" and each.cameras:
         yield "zero", "is that of a site whose frame of the cameras is fitted, too: leave one out."
-    elif why := wrong_unit(each.unit, _si_units(model, kind, name), kind, name):
+    elif each.frame and (why := _wrong_frame(each, model)):
+        yield "frame", why
+    elif why := wrong_unit(
+        each.unit, _si_units(model, kind, name, each.of in prescribed), kind, name
+    ):
         yield "unit", why
 
 
-def _si_units(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
-    """SI units in which a thing may be measured."""
+def _wrong_frame(each: MeasuredColumns, model: mujoco.MjModel) -> str:
+    """What is wrong with the site in whose frame something is measured; nothing where all is right."""
+    if not each.site:
+        return f"is of a site, and {each.of[0]} {each.of[1]!r} is measured: leave it out."
+    if each.frame not in names(model, OBJECTS["site"]):
+        return unknown(each.frame, model, OBJECTS["site"])
+    if model.body_weldid[model.site(each.frame).bodyid[0]]:
+        return f"is {each.frame!r}, which moves: name a site that is fixed to the world."
+    return ""
+
+
+def _si_units(
+    model: mujoco.MjModel, kind: str, name: str, prescribed: bool = False
+) -> tuple[str, ...]:
+    """SI units in which a thing may be measured; a joint whose motion is prescribed, by what drives it."""
+    if kind == "joint" and prescribed:
+        return (_EFFORT[joint_type(model, name) == "slide"],)
     if kind == "sensor":
         return tuple(MEASURES)
     if kind == "tendon":
@@ -204,6 +244,13 @@ def _si_units(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
             joint_type(model, moved[1]) if moved[0] == "joint" else moved[0], ("N m", "N")
         )
     return ("m",) if kind == "site" else lengths(model, kind, name)
+
+
+def _actuator(model: mujoco.MjModel, kind: str, name: str) -> str:
+    """The actuator that is measured, by itself or by a sensor of the model; nothing for another thing."""
+    if kind != "sensor" or model.sensor(name).objtype[0] != mujoco.mjtObj.mjOBJ_ACTUATOR:
+        return name if kind == "actuator" else ""
+    return model.actuator(int(model.sensor(name).objid[0])).name
 
 
 def _is_quaternion(model: mujoco.MjModel, sensor: str) -> bool:

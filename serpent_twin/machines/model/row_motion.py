@@ -108,7 +108,7 @@ class _Changed:
         models = [model for model in driven.models for _ in range(self._k)]
         self._batch: Batch = side_by_side(models, threads())
         set_timestep(self._batch, self._repeated(states.step))
-        seen.bind(self._batch)
+        seen.bind(self._batch, models)
         self._fields = [self._batch.bind(name) for name in _STATE]
         self._control = self._batch.bind("ctrl")
         runs = len(driven.models)
@@ -119,9 +119,10 @@ class _Changed:
         off = np.repeat(driven.off, self._k, axis=0)
         self._switches = Switches(self._batch, off) if off.any() else None
         self._parts = driven.told.shape[1] // driven.rows
-        known = driven.known
-        self._steps = known and PrescribedSteps(known, states.nstep * self._parts)
-        self._prescription = known and Prescription(known.machine, self._batch)
+        self._prescription = None
+        if known := driven.known:
+            motion = PrescribedSteps(known, states.nstep * self._parts, states.step, self._k)
+            self._prescription = Prescription(known.machine, self._batch, motion)
 
     def _repeated(self, values: Array) -> Array:
         return np.repeat(values, self._k, axis=0)
@@ -136,7 +137,8 @@ class _Changed:
         if self._switches:
             self._switches.turn(t)
         self._tell(t * self._parts)
-        self._hold(t * self._parts * nstep)
+        if self._prescription:
+            self._prescription.seen(t * self._parts * nstep)
         self._batch.forward(stage=self._seen.stage)
         seen = self._seen.read(self._batch).reshape(S, self._k, -1)
         for part in range(t * self._parts, (t + 1) * self._parts):
@@ -151,14 +153,8 @@ class _Changed:
             self._batch.step(nstep=self._states.nstep)
             return
         for n in range(first, first + self._states.nstep):
-            self._hold(n)
+            self._prescription.follow(n)
             self._batch.step()
-
-    def _hold(self, n: int) -> None:
-        """Hold what is prescribed as in a time step of the runs; beyond the last, as there."""
-        if self._prescription and self._steps:
-            held = self._steps.held
-            self._prescription.hold(self._repeated(held[:, min(n, held.shape[1] - 1)]))
 
     def _tell(self, t: int) -> None:
         told = self._driven.told[:, t, None] + self._told

@@ -10,11 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.description import Described, MeasuredColumns
+from serpent_twin.machines.model.prescribed import Effort
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.residual import FORCE, TORQUE
 from serpent_twin.tables.segments import Segments
 
+
+_READ = (
+    *("site_xpos", "site_xmat", "sensordata", "ten_length", "actuator_force"),
+    *("qvel", "qacc", "qfrc_applied"),
+)
 
 class Seen:
     """What is measured of a machine, its sites in the frame of the cameras. Its runs are as many of each of
@@ -26,7 +32,7 @@ class Seen:
     ) -> None:
         self._machine, self._about, self._frame, self._twins = machine, machine.about, frame, twins
         self._cameras = self._of_cameras()
-        self.of_forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
+        self.of_forces = any(_is_force(machine.model, each) for each in self._about.measured)
         """Whether anything that is measured depends on the forces that act"""
         stages = mujoco.mjtStage
         self.stage = int(stages.mjSTAGE_ACC if self.of_forces else stages.mjSTAGE_VEL)
@@ -36,9 +42,14 @@ class Seen:
         """The same runs several times, one after the other, of one twin."""
         return Seen(self._machine, self._frame, [*self._twins] * times)
 
-    def bind(self, batch: Batch) -> None:
-        """Let the batch keep what is read: before its first step."""
-        for field in ("site_xpos", "site_xmat", "sensordata", "ten_length", "actuator_force"):
+    def bind(self, batch: Batch, models: Sequence[mujoco.MjModel] = ()) -> None:
+        """Let the batch keep what is read, before its first step; of the runs' models, where forces drive."""
+        self._efforts = {
+            each.joint: Effort.at(models, each.joint)
+            for each in self._about.measured
+            if models and each.of_effort and each.joint
+        }
+        for field in _READ:
             batch.bind(field)
 
     def read(self, batch: Batch) -> Array:
@@ -50,7 +61,10 @@ class Seen:
                 n = model.site(name).id
                 turn = batch.bind("site_xmat")[:, n].reshape(-1, 3, 3)
                 at = batch.bind("site_xpos")[:, n] + turn @ np.array(each.point)
+                at = in_frame(batch, model, each.frame, at) if each.frame else at
                 found.append(self._by_cameras(at) if each.cameras else at)
+            elif kind == "joint" and each.of_effort:
+                found.append(self._efforts[name].read(batch)[:, None])
             elif kind == "joint":
                 found.append(batch.bind("qpos")[:, [address(model, name)]].copy())
             elif kind == "tendon" and each.measure in (FORCE, TORQUE):
@@ -95,10 +109,18 @@ def _pull(batch: Batch, tendon: int) -> Array:
     return (stretch * (stiffness + stretch * (more[:, 0] + stretch * more[:, 1])))[:, None]
 
 
-def _is_force(model: mujoco.MjModel, kind: str, name: str) -> bool:
+def in_frame(batch: Batch, model: mujoco.MjModel, frame: str, at: Array) -> Array:
+    """Places in the world in the frame of a site [m], (n, 3)."""
+    n = model.site(frame).id
+    turn = batch.bind("site_xmat")[:, n].reshape(-1, 3, 3)
+    return np.einsum("nij,ni->nj", turn, at - batch.bind("site_xpos")[:, n])
+
+
+def _is_force(model: mujoco.MjModel, measured: MeasuredColumns) -> bool:
     """Whether what is measured depends on the forces that act."""
+    kind, name = measured.of
     if kind != "sensor":
-        return kind == "actuator"
+        return kind == "actuator" or (kind == "joint" and measured.of_effort)
     return bool(model.sensor(name).needstage[0] == mujoco.mjtStage.mjSTAGE_ACC)
 
 

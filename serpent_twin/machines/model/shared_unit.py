@@ -71,7 +71,7 @@ def require_shared_unit(
 
 def _shared(machine: Described) -> Iterator[_Shared]:
     """What was stated in each unit."""
-    measured = {each.joint: each for each in machine.about.measured if each.joint}
+    measured = {each.angle_of: each for each in machine.about.measured if each.angle_of}
     servos = [each for each in machine.commanded if machine.is_servo(each.actuator)]
     moved = {each.column: acts_on(machine.model, each.actuator) for each in servos}
     units = dict.fromkeys((joint_type(machine.model, j), e.unit) for j, e in measured.items())

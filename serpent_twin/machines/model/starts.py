@@ -8,13 +8,15 @@ from scipy.signal import savgol_filter
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.from_sites import placed_joints, site_column
 from serpent_twin.machines.model.full_states import FullStates
-from serpent_twin.machines.model.prescribed import rate_column, with_rates
+from serpent_twin.machines.model.prescribed import LAG, rate_column, with_rates
+from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 
 _SMOOTH = 9  # rows over which an angle is a cubic, where a run begins
-_FEWEST = 5  # rows of a parabola
+_FEWEST = 3  # rows of a parabola
 _ASIDE = 100  # rows of noise on both sides, which are smoothed with those that count
 LEAD = 15
 """Rows before a segment of a motion, by which its start is improved, and in which effects get a past"""
@@ -34,6 +36,8 @@ class SegmentStart:
     """The pose of all other joints where nothing else is known of them, (nq,)"""
     whole: FullStates | None = None
     """All that the joints' angles and rates leave open"""
+    relaxed: tuple[str, ...] = ()
+    """Joints that begin at rest between the others"""
 
     def repeated(self, times: int) -> "SegmentStart":
         """The same segments several times, one after the other."""
@@ -42,12 +46,14 @@ class SegmentStart:
 
 
 def measured_joints(machine: Described) -> dict[str, str]:
-    """The column of each joint that is measured or prescribed, from which a run can start in any row; none
-    where a motion is prescribed and some joints are unknown.
+    """The column of each joint that is measured, prescribed or placed by measured sites, from which a run can
+    start in any row; none where a motion is prescribed and a joint is unknown that would matter.
     """
     columns = {each.joint: each.column for each in machine.prescribed if each.joint}
-    columns |= {each.joint: each.columns[0] for each in machine.about.measured if each.joint}
-    return {} if machine.prescribed and not _all_known(machine, columns) else columns
+    columns |= {each.angle_of: each.columns[0] for each in machine.about.measured if each.angle_of}
+    placed = {joint: site_column(joint) for joint in placed_joints(machine)}
+    columns |= placed
+    return {} if machine.prescribed and not (placed or _all_known(machine, columns)) else columns
 
 
 def all_measured(machine: Described) -> bool:
@@ -109,15 +115,26 @@ def start(machine: Described, begin: Array, pieces: Segments) -> SegmentStart:
         return SegmentStart((), np.zeros((S, 0, 2)), np.zeros((S, 0, LEAD)), begin)
     state = [[column[of(joint)][:, 0] for of in (angle_of, rate_of)] for joint in joints]
     reading = [column[reading_of(joint)][:, :LEAD] for joint in joints]
+    relaxed = tuple(each for each in _single(machine) if each not in joints)
     return SegmentStart(
-        joints, np.moveaxis(np.array(state), 2, 0), np.stack(reading, axis=1), begin
+        joints,
+        np.moveaxis(np.array(state), 2, 0),
+        np.stack(reading, axis=1),
+        begin,
+        relaxed=relaxed if placed_joints(machine) else (),
     )
+
+
+def _single(machine: Described) -> list[str]:
+    """Names of the hinges and slides."""
+    return [machine.model.joint(int(n)).name for n in single_joints(machine.model)]
 
 
 def start_columns(machine: Described) -> Sequence[str]:
     """Names of the columns that `with_starts` adds."""
     columns = (angle_of, rate_of, reading_of)
     rates = [rate_column(each.column) for each in machine.prescribed]
+    rates += [LAG] if any(each.velocity for each in machine.prescribed) else []
     return [*rates, *(of(joint) for joint in measured_joints(machine) for of in columns)]
 
 

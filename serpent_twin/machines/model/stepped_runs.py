@@ -12,6 +12,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.full_states import hold_history
 from serpent_twin.machines.model.prescribed import KnownMotion, PrescribedSteps, Prescription
+from serpent_twin.machines.model.relaxed import relax
 from serpent_twin.machines.model.seen import Seen, address
 from serpent_twin.machines.model.starts import LEAD, SegmentStart
 from serpent_twin.machines.model.state_effects import Acting
@@ -91,11 +92,13 @@ class SteppedRuns:
         """Whether rates are half a step older than angles"""
         self.step = period / (self.nstep * self._parts)
         set_timestep(self.batch, self.step)
-        seen.bind(self.batch)
+        seen.bind(self.batch, driven.models)
         for field in ("qpos", "qvel", "qacc", "ctrl", "act", "history", "time", "actuator_length"):
             self.batch.bind(field)
-        self._steps = known and PrescribedSteps(known, self.nstep * self._parts)
-        self._prescription = known and Prescription(known.machine, self.batch)
+        self._prescription: Prescription | None = None
+        if known:
+            motion = PrescribedSteps(known, self.nstep * self._parts, self.step)
+            self._prescription = Prescription(known.machine, self.batch, motion)
         self._n = 0
         self._switches = Switches(self.batch, driven.off) if driven.off.any() else None
         self._laws = acting and StateLaws(self.batch, acting, self.step, self.leaps)
@@ -119,18 +122,20 @@ class SteppedRuns:
         self._turn(0)
         if not start.whole:
             self._activate()
-        if self._prescription and self._steps:
+        if self._prescription:
             self._n = 0
-            self._prescription.place(self._steps.at, self._steps.change / self.step[:, None])
-            self._prescription.hold(self._steps.first)
+            self._prescription.place()
+        if start.relaxed:
+            relax(self.batch, start.relaxed)
         if self._laws:
             self.batch.forward()
             self._laws.start()
         self.batch.forward()
         if self.leaps:
             speed -= self.step[:, None] / 2 * self.batch.bind("qacc")
-        if self._prescription and self._steps:
-            self._prescription.hold(self._steps.held[:, 0])
+        if self._prescription:
+            self._prescription.seen(0)
+            self.batch.forward()
         if self._laws:
             self._laws.lag()
 
@@ -183,13 +188,14 @@ class SteppedRuns:
         for _ in range(count):
             if self._laws:
                 self._laws.act()
-            if not (self._prescription and self._steps):
+            if not self._prescription:
                 self.batch.step(stage=max(stage, least, key=int))
                 continue
+            self._prescription.follow(self._n)
             self.batch.step(stage=least)
             self._n += 1
-            self._prescription.hold(self._steps.held[:, self._n])
         if self._prescription and stage:
+            self._prescription.seen(self._n)
             self.batch.forward(stage=stage)
 
     def _tell(self, told: Array) -> None:

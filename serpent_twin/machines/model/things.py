@@ -25,7 +25,7 @@ _JOINTS = {
 def names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
     """The names of a model's things of a kind."""
     count = {
-        mujoco.mjtObj.mjOBJ_ACTUATOR: model.nu,
+        mujoco.mjtObj.mjOBJ_ACTUATOR: len(model.actuator_trntype),
         mujoco.mjtObj.mjOBJ_SITE: model.nsite,
         mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
         mujoco.mjtObj.mjOBJ_TENDON: model.ntendon,
@@ -69,7 +69,7 @@ def not_single(model: mujoco.MjModel, name: str) -> str:
     return f"a {kind} joint" if kind in ("free", "ball") else ""
 
 
-def acts_on(model: mujoco.MjModel, actuator: str) -> tuple[str, str]:
+def acts_on(model: mujoco.MjModel, actuator: str | int) -> tuple[str, str]:
     """Kind and name of the joint or tendon that an actuator moves; nothing for another thing."""
     n = model.actuator(actuator).id
     target = int(model.actuator_trnid[n, 0])
