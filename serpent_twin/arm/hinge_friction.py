@@ -40,6 +40,15 @@ def softness(
     return np.maximum(time, quick / give), 1 - give
 
 
+def scaled_softness(time: float, impedance: float, factor: float) -> tuple[float, float]:
+    """Time constant [s] and impedance [1] of a friction constraint whose slope by velocity near rest is a
+    factor times as large.
+    """
+    quick = (1 - impedance) * time / factor
+    give = min(max(quick / USUAL, 1 - STICKS), 1 - _SOFTEST)
+    return max(USUAL, quick / give), 1 - give
+
+
 def friction_inertia(impedance: Array, inverse_inertia: Array) -> Array:
     """Inertia that a friction constraint near rest adds to a hinge [kg m²]."""
     return impedance / ((1 - impedance) * inverse_inertia)

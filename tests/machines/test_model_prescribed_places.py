@@ -112,9 +112,10 @@ def test_a_change_shows_to_first_order_where_a_tendon_is_prescribed(tmp_path, at
     """It holds neither joint alone, and passes by both."""
     path, time = cabled(tmp_path, "motion"), np.arange(0.0, 3.0, 0.02)
     path.write_text("start = 0.06\n" + path.read_text())  # no start that answers to changes
+    tip = np.array([550.0, 0.0, 1000.0])  # of the straight arm, where it begins
     long = 1e3 * span([0.0, 0.0]) + 30 * np.sin(3 * time)
-    elsewhere = np.outer(long, np.ones(3))  # is not looked at
-    log = lines(tmp_path / "log.csv", np.c_[time, long, elsewhere, long])
+    seen = tip + 1e-3 * np.random.default_rng(0).standard_normal((len(time), 3))
+    log = lines(tmp_path / "log.csv", np.c_[time, long, seen, long])
     agree(*shown(nominal(path, log), at), 0.99)
 
 

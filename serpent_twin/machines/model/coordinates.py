@@ -121,7 +121,12 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
     prior = uncertain.prior or NUMBERS[uncertain.number].prior
     for pattern in uncertain.of:
         which = tuple(n for n, name in enumerate(known) if fnmatchcase(name, pattern))
-        yield _coordinate(model, uncertain.number, which, prior, pattern)
+        shared = _coordinate(model, uncertain.number, which, prior, pattern)
+        yield shared
+        for n in which if uncertain.each and len(which) > 1 else ():
+            one = _coordinate(model, uncertain.number, (n,), uncertain.each, known[n])
+            of = (shared.declared.name, one.declared.name)
+            yield replace(one, quantity=replace(one.quantity, of=of))
 
 
 def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:

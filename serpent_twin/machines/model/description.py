@@ -179,6 +179,10 @@ class Uncertain(Form, frozen=True):
     """Standard deviation of the logarithm of the ratio to the model's number; of numbers that are added, in
     mm or degrees; by default that of the table below
     """
+    each: Annotated[float, above(0.0, 1000.0)] | None = None
+    """Standard deviation by which each of those that match differs from what they share, in the same terms; by
+    default they do not differ
+    """
 
 
 class KnownNumber(Form, frozen=True):

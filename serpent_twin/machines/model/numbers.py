@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from serpent_twin.arm.hinge_friction import scaled_softness
 from serpent_twin.machines.model.masses import weigh
 
 _R, _K, _P, _I, _D, _V = 0, 1, 4, 5, 6, 7
@@ -147,6 +148,26 @@ def _turned(name: str, compiled: str, prior: float) -> NumberKind:
     return NumberKind(_TURN, "joint", read, shift, prior, added=True, fitted=False)
 
 
+def _near_rest(model: mujoco.MjModel) -> np.ndarray:
+    """By how much dry friction of joints rises with velocity near rest, 2 / (w (1 − d) τ) of their inverse
+    inertia w, and of the impedance d and time constant τ of the friction constraint; 0 without friction.
+    """
+    dof = model.jnt_dofadr
+    quick = (1 - model.dof_solimp[dof, 0]) * model.dof_solref[dof, 0]
+    slope = 2 / np.maximum(model.dof_invweight0[dof] * quick, 1e-12)
+    return np.where(model.dof_frictionloss[dof] > 0, slope, 0.0)
+
+
+def _scale_near_rest(joint: Any, factor: float) -> None:
+    joint.solref_friction[0], joint.solimp_friction[:2] = scaled_softness(
+        joint.solref_friction[0], joint.solimp_friction[0], factor
+    )
+
+
+def _loosen(tendon: Any, by: float) -> None:
+    tendon.springlength[1] += 1e-3 * by
+
+
 def _along(axis: int) -> NumberKind:
     def scale(body: Any, factor: float) -> None:
         body.pos[axis] *= factor
@@ -163,6 +184,15 @@ NUMBERS: Mapping[str, NumberKind] = {
     ),
     "joint friction": NumberKind(
         "N m", "joint", _of_dof("dof_frictionloss"), _attribute("frictionloss"), 0.5
+    ),
+    "friction near rest": NumberKind(
+        "N m s/rad",
+        "joint",
+        _near_rest,
+        _scale_near_rest,
+        1.0,
+        fitted=False,
+        at_rest=False,
     ),
     "armature": NumberKind(
         "kg m²", "joint", _of_dof("dof_armature"), _attribute("armature"), 0.5, at_rest=False
@@ -188,6 +218,16 @@ NUMBERS: Mapping[str, NumberKind] = {
         lambda m: m.tendon_lengthspring[:, 0] * (m.tendon_stiffness > 0),
         _attribute("springlength"),
         0.02,
+        stated=True,
+        fitted=False,
+    ),
+    "tendon slack": NumberKind(
+        "mm",
+        "tendon",
+        lambda m: 1e3 * m.tendon_lengthspring[:, 1] * (m.tendon_stiffness > 0),
+        _loosen,
+        0.3,
+        added=True,
         stated=True,
         fitted=False,
     ),

@@ -27,6 +27,8 @@ LAG = "lag of the drives"
 """Name of the column of the time with which drives take up a velocity [rows]"""
 _JUMPS, _LONGEST = 0.5, 0.9
 """Of the root mean square of all jumps, those of a velocity that count; the longest lag [rows]"""
+_INVERTED = 30
+"""Steps of a fixed point"""
 _PULLS, _MOMENT = 40, 3e-5
 """Steps and their length [s], in which tendons are brought to their first length"""
 _OFF = mujoco.mjtDisableBit
@@ -172,11 +174,13 @@ def with_rates(machine: Described, run: Log) -> dict[str, Array]:
 
 
 def with_lag(machine: Described, runs: Sequence[Log]) -> list[Log]:
-    """Logs with the mean time, in rows, with which drives take up a new velocity after a row: where x goes
-    from one row to the next by v T + (v₀ − v) τ, the slope τ of what a constant velocity leaves by the jumps of
-    the velocity; 0 for drives that are not commanded so.
+    """Logs with the mean time, in rows, with which drives take up a new velocity after a row: of first order,
+    0 for drives that are not commanded so.
+
+    Where a velocity v₀ becomes v at the next row, of the time T, the motion is v T + (v₀ − v) s with
+    s = τ − T e/(1 − e) and e = exp(−T/τ): s is a slope over all rows and drives, τ follows.
     """
-    jump, short = [], []
+    jump, short = [np.zeros(1)], [np.zeros(1)]
     for run in runs:
         time = np.diff(run.time)
         for each in machine.prescribed:
@@ -184,12 +188,14 @@ def with_lag(machine: Described, runs: Sequence[Log]) -> list[Log]:
                 at, v = run.columns[each.column], run.columns[each.velocity]
                 jump.append((v[:-1] - v[1:]) * time)
                 short.append(np.diff(at) - v[1:] * time)
-    lag = 0.0
-    if jump:
-        x, y = np.concatenate(jump), np.concatenate(short)
-        x[~np.isfinite(x + y)] = 0.0
-        use = np.abs(x) > _JUMPS * np.sqrt(np.mean(x**2))
-        lag = float(np.clip(x[use] @ y[use] / (x[use] @ x[use]), 0.0, _LONGEST)) if use.any() else 0.0
+    x, y = np.concatenate(jump), np.concatenate(short)
+    use = np.isfinite(x + y)
+    use &= np.abs(x) > _JUMPS * np.sqrt(np.mean(x[use] ** 2))
+    slope = float(x[use] @ y[use] / (x[use] @ x[use])) if use.any() else 0.0
+    lag = slope
+    for _ in range(_INVERTED if slope > 0 else 0):
+        lag = slope + 1 / np.expm1(1 / min(lag, _LONGEST))
+    lag = float(np.clip(lag, 0.0, _LONGEST))
     return [replace(run, columns=run.columns | {LAG: np.full(len(run), lag)}) for run in runs]
 
 
