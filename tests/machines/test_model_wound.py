@@ -62,7 +62,9 @@ noise = 0.01
 
 
 def motion(seed=3, rows=80):
-    """Velocities that are commanded once a row and taken up with a lag: times, angles, the angle in between."""
+    """Velocities that are commanded once a row and taken up with a lag: times, angles, velocities, and the
+    angle in between.
+    """
     commanded = np.random.default_rng(seed).uniform(-1, 1, rows)
     time, at, speed = PERIOD * np.arange(rows), [0.0], [0.0]
     pieces = []
@@ -102,9 +104,7 @@ def winch(tmp_path_factory):
     angle = swung(time, between)
     world = 200 * np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=1) - [300, 0, 0]
     seen = np.stack([-world[:, 2], world[:, 1], world[:, 0]], axis=1)  # base: x down
-    torque = 1e3 * (
-        RADIUS**2 * STIFFNESS * (at - angle) + FRICTION * np.tanh(speed / 0.0167)
-    )
+    torque = 1e3 * (RADIUS**2 * STIFFNESS * (at - angle) + FRICTION * np.tanh(speed / 0.0167))
     table = np.c_[time, at, speed, seen, torque]
     np.savetxt(
         folder / "log.csv", table, "%.9f", ",", header="t,wound,speed,x,y,z,torque", comments=""

@@ -79,9 +79,9 @@ class DriveColumn(Column, frozen=True):
     offset: Number | Literal["keyframe"] = 0.0
     """SI value where the column is 0, or "keyframe" for the value in the keyframe"""
     velocity: str = ""
-    """Column of the velocity of a prescribed motion that was commanded as a velocity once a row, in the unit
-    per second: between rows the motion takes up, with a lag that the logs show, the velocity by which it is at
-    the next row in time; without it, a motion is a spline through its rows
+    """Column of the velocity of a prescribed motion, in the unit per second, where velocities are commanded
+    once a row: between rows the motion takes up the velocity that ends at the next row, with a lag that the
+    logs show; without it, a motion is a spline through its rows
     """
     exact: bool = False
     """Whether zero and scale are known and not fitted, as where a servo's own encoder is measured"""
@@ -180,8 +180,8 @@ class Uncertain(Form, frozen=True):
     mm or degrees; by default that of the table below
     """
     each: Annotated[float, above(0.0, 1000.0)] | None = None
-    """Standard deviation by which each of those that match differs from what they share, in the same terms; by
-    default they do not differ
+    """Standard deviation by which each of those that match differs from what they share, in the same terms;
+    by default they do not differ
     """
 
 

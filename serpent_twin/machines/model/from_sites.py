@@ -10,6 +10,7 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
+from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
@@ -30,6 +31,8 @@ _SHIFT, _TURN = 2e-3, 5e-3
 """Standard deviations of the cameras' frame [m, rad]"""
 _NOISE = 2e-4
 """Least noise of a site's coordinate [m]: with less, nothing holds parts where they are drawn"""
+_AT_ONCE = 256
+"""Poses that are computed side by side"""
 _GENERIC, _SEED = 0.3, 0
 """Angle [rad] or length [m] within which poses are drawn that say which joints sites determine"""
 
@@ -72,20 +75,28 @@ class SitePlaces:
         self._slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
         self.address = model.jnt_qposadr[joints]
 
+    @cached_property
+    def _batch(self) -> Batch:
+        return side_by_side([self._model] * _AT_ONCE, 1)
+
     def at(self, pose: Array) -> tuple[Array, Array]:
         """Places [m], (N, 3 S), and their derivatives by the joints, (N, 3 S, J), at poses (N, nq)."""
-        batch = side_by_side([self._model] * len(pose), 1)
+        parts = [self._at(pose[n : n + _AT_ONCE]) for n in range(0, len(pose), _AT_ONCE)]
+        places, slopes = zip(*parts, strict=True)
+        return np.concatenate(places), np.concatenate(slopes)
+
+    def _at(self, pose: Array) -> tuple[Array, Array]:
+        n = len(pose)
         fields = ("xanchor", "xaxis", "site_xpos", "site_xmat")
-        anchor, axis, place, turn = (batch.bind(name) for name in fields)
-        batch.bind("qpos")[...] = pose
-        batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-        about, n = axis[:, self._joints], len(pose)
+        anchor, about, place, turn = (self._batch.bind(name)[:n] for name in fields)
+        self._batch.bind("qpos")[:n] = pose
+        self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
+        anchor, about = anchor[:, self._joints], about[:, self._joints]
         mats = turn.reshape(n, -1, 3, 3)
         places, slopes = [], []
         for s, (site, frame) in enumerate(zip(self._site, self._frame, strict=True)):
             point = place[:, site] + mats[:, site] @ np.array(self._sites[s].point)
-            lever = point[:, None] - anchor[:, self._joints]
-            moved = np.where(self._slides[:, None], about, np.cross(about, lever))
+            moved = np.where(self._slides[:, None], about, np.cross(about, point[:, None] - anchor))
             moved = moved * self._moves[s][:, None]
             if frame >= 0:
                 point, moved = point - place[:, frame], moved @ mats[:, frame]

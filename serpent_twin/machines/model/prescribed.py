@@ -60,7 +60,11 @@ class KnownMotion:
         if by_velocity:
             rows = np.clip(times.astype(int), 0, self.at.shape[1] - 2)
             since = np.where(times < 0, 0.0, times - rows)[:, None]
-            at, old, lag = self.at[..., by_velocity], self.rate[..., by_velocity], self.lag[:, None, None]
+            at, old, lag = (
+                self.at[..., by_velocity],
+                self.rate[..., by_velocity],
+                self.lag[:, None, None],
+            )
             taken = lag * (1 - _faded(1.0, lag))
             new = (np.diff(at, axis=1) - old[:, :-1] * taken) / (1 - taken)
             old, new, begun = old[:, rows], new[:, rows], at[:, rows]
@@ -316,7 +320,9 @@ class PrescribedSteps:
 
     def __init__(self, motion: KnownMotion, steps: int, step: Array, times: int = 1) -> None:
         """So many steps of a length [s], (S,), in a row; each run so many times one after the other."""
-        rows = motion.at.shape[1]  # after the last of which a derivative takes the steps of one more
+        rows = motion.at.shape[
+            1
+        ]  # after the last of which a derivative takes the steps of one more
         path = motion.path(np.arange(-2, rows * steps + 2) / steps)
         path = np.ascontiguousarray(np.moveaxis(path.repeat(times, axis=0), 1, 0))
         self._step = step.repeat(times)[:, None]

@@ -38,7 +38,6 @@ from serpent_twin.machines.model.things import (
 from serpent_twin.numerals import listed
 from serpent_twin.units import TO_SI
 
-
 _EFFORT = ("N m", "N")
 """SI units of what drives a hinge and a slide"""
 
@@ -185,8 +184,11 @@ def _amiss_measured(
         )
     elif (actuator := _actuator(model, kind, name)) and acts_on(model, actuator) in prescribed:
         moved = " ".join(acts_on(model, actuator))
-        why = f"is {name!r}, which acts on {moved}, whose motion a drive prescribes: nothing tells it a control"
-        yield kind, f"{why}. Measure the force or torque that drives {moved}, or a sensor of another kind."
+        yield (
+            kind,
+            f"is {name!r}, which acts on {moved}, whose motion a drive prescribes: nothing tells it a "
+            f"control. Measure the force or torque that drives {moved}, or a sensor of another kind.",
+        )
     elif kind == "sensor" and _is_quaternion(model, name):
         yield (
             kind,

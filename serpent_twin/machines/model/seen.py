@@ -16,11 +16,11 @@ from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.residual import FORCE, TORQUE
 from serpent_twin.tables.segments import Segments
 
-
 _READ = (
     *("site_xpos", "site_xmat", "sensordata", "ten_length", "actuator_force"),
     *("qvel", "qacc", "qfrc_applied"),
 )
+
 
 class Seen:
     """What is measured of a machine, its sites in the frame of the cameras. Its runs are as many of each of
