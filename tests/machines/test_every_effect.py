@@ -107,7 +107,7 @@ def _model():
     time = np.arange(0.0, 0.5, 0.02)
     goal = {f"goal_{n}": 0.5 * np.sin(2 * np.pi * n * time) for n in (1, 2)}
     angle = {f"angle_{n}": 0.5 * goal[f"goal_{n}"] for n in (1, 2)}
-    log = with_starts(rig.described, Log(None, {}, {"time": time, **goal, **angle}))
+    log = with_starts(rig.described, [Log(None, {}, {"time": time, **goal, **angle})])[0]
     return _bench(model_machine, rig.open([log]).machine, log)
 
 
@@ -119,7 +119,7 @@ def _tendon():
     time = np.arange(0.0, 0.5, 0.02)
     told = {"pulled": 0.05 * np.sin(2 * np.pi * time), "current": 0.1 * np.cos(7 * time)}
     angle = {"angle_1": 9 * told["pulled"], "angle_2": 0.1 * np.sin(7 * time)}
-    log = with_starts(rig.described, Log(None, {}, {"time": time, **told, **angle}))
+    log = with_starts(rig.described, [Log(None, {}, {"time": time, **told, **angle})])[0]
     return _bench(model_machine, rig.open([log]).machine, log)
 
 

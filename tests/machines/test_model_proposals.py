@@ -82,7 +82,7 @@ def test_the_twin_follows_as_mujoco_does_in_small_steps(tmp_path, machine):
         counted = found.pieces.measured[[each == name for each in found.pieces.session]]
         counted = counted[np.isfinite(counted).all(axis=-1)]
         np.testing.assert_allclose(counted, np.array(seen)[-len(counted) :], atol=1e-4)
-        assert len(counted) == (185 if machine is lever else 200)  # after a lead, or from rest
+        assert len(counted) == 185  # after a lead
 
 
 def test_the_twin_rests_in_every_proposed_pose_where_its_energy_is_least(tmp_path):

@@ -22,14 +22,12 @@ from serpent_twin.machines.model.doubts import (
     require_varied,
 )
 from serpent_twin.machines.model.encoders import put_right
-from serpent_twin.machines.model.from_sites import placed
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import EVERY, SEARCHED, ModelMachine
 from serpent_twin.machines.model.motion import STEPS, StartGains
 from serpent_twin.machines.model.noise import noise, quieter
 from serpent_twin.machines.model.poses import Rests
-from serpent_twin.machines.model.prescribed import with_lag
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.rubbing import sized
 from serpent_twin.machines.model.session_starts import SessionStarts, about_starts
@@ -70,8 +68,7 @@ class ModelRig:
         runs = log_file.read_runs(self.described, source)
         if self.described.about.rows == POSES:
             return runs
-        runs = placed(self.described, [put_right(self.described, run) for run in runs])
-        return [with_starts(self.described, run) for run in with_lag(self.described, runs)]
+        return with_starts(self.described, [put_right(self.described, run) for run in runs])
 
     def open(self, training: Sequence[Log]) -> Case[Segments]:
         """The model as it is; the cameras' frame by the mean of the logs."""

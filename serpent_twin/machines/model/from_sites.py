@@ -6,7 +6,7 @@ cameras. The joints of each row are eliminated, so that a log of any length cost
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import mujoco
 import numpy as np
@@ -37,6 +37,7 @@ _GENERIC, _SEED = 0.3, 0
 """Angle [rad] or length [m] within which poses are drawn that say which joints sites determine"""
 
 
+@lru_cache(maxsize=64)
 def placed_joints(machine: Described) -> tuple[str, ...]:
     """Hinges and slides whose place measured sites determine and that nothing else gives; none if sites
     leave one of those that move them open.

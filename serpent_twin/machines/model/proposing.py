@@ -132,8 +132,11 @@ def _runs(machine: "ModelMachine", watched: Described, told: Array, period: floa
     shape, begin = told.shape[:2], watched.begin.copy()
     column = {each.column: told[..., n] for n, each in enumerate(machine.logged.drives)}
     for joint, column_of in measured_joints(machine.described).items():
-        n = [each.name for each in machine.outputs].index(column_of)
-        begin[address(watched.model, joint)] = machine.logged.shown[:, n].mean()
+        names = [each.name for each in machine.outputs]
+        if column_of in names:
+            begin[address(watched.model, joint)] = machine.logged.shown[
+                :, names.index(column_of)
+            ].mean()
     for joint in measured_joints(watched):
         column |= {
             angle_of(joint): np.full(shape, begin[address(watched.model, joint)]),
@@ -190,7 +193,7 @@ def _log(
         **dict(zip([each.name for each in machine.outputs], seen[first:].T, strict=True)),
     }
     run = Log(None, {}, columns | held(described, columns), name)
-    return run if described.about.rows == POSES else with_starts(described, run)
+    return run if described.about.rows == POSES else with_starts(described, [run])[0]
 
 
 def _columns(machine: "ModelMachine", rate_hz: float) -> Iterator[CommandColumn]:

@@ -7,10 +7,10 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.description import Described
-from serpent_twin.machines.model.from_sites import placed_joints, site_column
+from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.from_sites import placed, placed_joints, site_column
 from serpent_twin.machines.model.full_states import FullStates
-from serpent_twin.machines.model.prescribed import LAG, rate_column, with_rates
+from serpent_twin.machines.model.prescribed import LAG, rate_column, with_lag, with_rates
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
@@ -51,9 +51,9 @@ def measured_joints(machine: Described) -> dict[str, str]:
     """
     columns = {each.joint: each.column for each in machine.prescribed if each.joint}
     columns |= {each.angle_of: each.columns[0] for each in machine.about.measured if each.angle_of}
-    placed = {joint: site_column(joint) for joint in placed_joints(machine)}
-    columns |= placed
-    return {} if machine.prescribed and not (placed or _all_known(machine, columns)) else columns
+    by_sites = placed_joints(machine) if machine.about.rows == MOTION else ()
+    columns |= {joint: site_column(joint) for joint in by_sites}
+    return {} if machine.prescribed and not (by_sites or _all_known(machine, columns)) else columns
 
 
 def all_measured(machine: Described) -> bool:
@@ -66,7 +66,14 @@ def _all_known(machine: Described, columns: Mapping[str, str]) -> bool:
     return len(columns) == model.njnt == model.nq == model.nv
 
 
-def with_starts(machine: Described, run: Log) -> Log:
+def with_starts(machine: Described, runs: Sequence[Log]) -> list[Log]:
+    """Logs with what says how their segments begin: the smoothed angle, the rate and the reading of each
+    measured joint and of each that sites place, and how prescribed motions change.
+    """
+    return [_with_starts(machine, run) for run in with_lag(machine, placed(machine, runs))]
+
+
+def _with_starts(machine: Described, run: Log) -> Log:
     """A log with the smoothed angle and rate of each measured joint, and its reading."""
     more: dict[str, Array] = {}
     for joint, column in measured_joints(machine).items():
