@@ -149,7 +149,7 @@ def _with_unit(
 
 def _goes_with(actuator: Actuator, joint: str, sign: int, found: Matches) -> bool:
     """Whether signs agree with how a servo's reading follows its command."""
-    return actuator.kind == FORCE or found.slope_of(actuator, joint)[0] * sign >= 0
+    return actuator.kind == FORCE or found.slope_of(actuator, joint) * sign >= 0
 
 
 def _controls(
@@ -161,7 +161,7 @@ def _controls(
         several = list(found.units.of_force(actuator, column))
         kept = [m for m in several if _strong_enough(actuator, joint, unit, m, found)]
         return list(enumerate(kept or several))
-    gain, _ = found.slope_of(actuator, joint)
+    gain = found.slope_of(actuator, joint)
     return [(0, Meaning(each)) for each in found.units.of_servo(actuator, column, unit, gain)]
 
 

@@ -54,7 +54,7 @@ def _judge_lead(mover: Actuator, joint: str, mine: MeaningOption, found: Matches
     if mover.kind == FORCE:
         return
     command, reading = found.commands[mover.name], found.readings[joint]
-    gain, _ = found.slope_of(mover, joint)
+    gain = found.slope_of(mover, joint)
     moved = abs(gain * mine.reading.factor / mine.controls[mover.name].factor)
     if not moves_as_told(moved):
         told = f"the unit of {command!r}: {reading!r} moves {moved:.2g} times as far as it says"

@@ -103,11 +103,9 @@ class Matches:
         sign = self.units.signs_of_reading(joint, column, believed[0])[0]
         return column, sign * TO_SI[believed[0]][0]
 
-    def slope_of(self, actuator: Actuator, joint: str) -> tuple[float, float]:
-        """How a servo's reading, or its rate, changes with its command, and how strongly it correlates."""
+    def slope_of(self, actuator: Actuator, joint: str) -> float:
+        """How much a servo's reading, or its rate, changes with its command."""
         command, reading = self.commands[actuator.name], self.readings[joint]
-        gear = actuator.gear or 1.0
-        if actuator.kind == SPEED:
-            return slope(self.logged, command, reading, 0.0, rate=True) * gear, 1.0
-        how, lag = self.lags.best(command, reading)
-        return slope(self.logged, command, reading, lag) * gear, how
+        is_rate = actuator.kind == SPEED
+        lag = 0.0 if is_rate else self.lags.best(command, reading)[1]
+        return slope(self.logged, command, reading, lag, is_rate) * (actuator.gear or 1.0)
