@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from math import isfinite
 from typing import Any, ClassVar
 
@@ -191,7 +192,7 @@ class Effect:
     def act(self, moment: Any, memory: Any) -> None:
         """Change one time step of n runs, and the memory, in place."""
         if self.law:
-            quantity, form, reading = self.law.replace(":", "").split()
+            quantity, form, reading = _parts(self.law)
             size, *others = (getattr(self, name) for name in ranges(type(self)))
             change = size * FORMS[form](getattr(moment, reading), *others)
             setattr(moment, quantity, getattr(moment, quantity) + change)
@@ -229,7 +230,14 @@ Several = tuple[Effect, ...]
 """At most one of each kind."""
 
 
-def ranges(kind: type[Effect]) -> dict[str, Range]:
+@cache
+def _parts(law: str) -> list[str]:
+    """The quantity, the form and the reading of a law such as `gear_friction: near_rest joint_velocity`."""
+    return law.replace(":", "").split()
+
+
+@cache
+def ranges(kind: type[Effect]) -> Mapping[str, Range]:
     """The parameters of a kind of effect, by name."""
     return {each.name: each.metadata["range"] for each in fields(kind) if each.metadata}
 

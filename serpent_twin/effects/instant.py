@@ -79,8 +79,13 @@ class Instant:
         if law.handle not in self.changed:
             there = listed(self.changed)
             raise SerpentError(f"no law changes {law.handle} here; there are: {there}.")
-        by = [np.broadcast_to(each, self.time.shape) for each in sizes]
-        self.add(law.handle, law.place, np.concatenate(by, axis=1))
+        if len(sizes) == 1:
+            self.add(law.handle, law.place, np.asarray(sizes[0]))
+            return
+        size = np.empty((len(self.time), len(sizes)))
+        for n, each in enumerate(sizes):
+            size[:, n : n + 1] = each
+        self.add(law.handle, law.place, size)
 
     def follow(self, reading: str, place: str) -> Array:
         """A quantity at a place, (n, 1)."""
@@ -92,9 +97,10 @@ class Instant:
     def add(self, handle: str, place: str, size: Array) -> None:
         """Add a size, (n, components), to a quantity at a place."""
         at, field = self.column(handle, place), self._held(handle)
-        shape = len(self.time), len(self.names[self._kind(field)])
-        changed = np.array(np.broadcast_to(getattr(self, field), shape))
-        changed[:, at] += size[:, 0]
+        changed = np.zeros((len(self.time), len(self.names[self._kind(field)]))) + getattr(
+            self, field
+        )
+        changed[:, at : at + 1] += size
         setattr(self, field, np.maximum(changed, 0.0) if HANDLES[handle].only_more else changed)
 
     def position(self, body: int) -> Array:
