@@ -24,7 +24,6 @@ class BaseTilt(Effect):
 
     shows_in = "a pose and loads that lean one way, in every session alike"
     confused_with = ("payload", "constant_force")
-    needs = frozenset({"base"})
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Turn gravity."""

@@ -53,7 +53,6 @@ class Discovered(Effect):
     shows_in = "what no named effect explains"
     stage = LOSS
     remembers = False  # a guess does where nothing is known of the past
-    needs = frozenset({"law_at"})
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -120,8 +120,7 @@ class Effect:
     """What of the moment its first parameter adds to, times a form of a reading that may have the second, as
     `gear_friction: near_rest joint_velocity`: such an effect has no `act` of its own."""
     needs: ClassVar[frozenset[str]] = frozenset()
-    """Names of what it acts on that not every machine has: elements of the model, quantities of the
-    moment."""
+    """Names of quantities of the moment that it acts on and not every machine has."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

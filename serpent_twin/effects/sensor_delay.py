@@ -33,7 +33,6 @@ class SensorDelay(Effect):
     shows_in = "error in proportion to the rate of one reading, in no other"
     confused_with = ("command_delay", "servo_lag")
     stage = READING
-    needs = frozenset({"reading"})
 
     def export(self, spec: mujoco.MjSpec) -> bool:
         """Delay the sensors that read what is late, or add a late one where the model has none; False where

@@ -6,11 +6,7 @@ twin: an effect's file suffices for the arm's trace to try it.
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
 
-import mujoco
-
-from serpent_twin.arm import mjcf
 from serpent_twin.effects import KNOWN, Effect, Moment
 
 LEFT_OUT: Mapping[str, str] = {
@@ -27,18 +23,8 @@ LEFT_OUT: Mapping[str, str] = {
     "tendon_friction": "its cables rub by their tension: cable_friction",
 }
 """Effects that the arm's trace does not try, and why"""
-
-
-def _catalogue() -> dict[str, type[Effect]]:
-    has = {each.name for each in fields(Moment)} | _elements(mjcf.build())
-    return {n: kind for n, kind in KNOWN.items() if kind.needs <= has and n not in LEFT_OUT}
-
-
-def _elements(spec: mujoco.MjSpec) -> set[str]:
-    """Names of bodies, joints, tendons and actuators."""
-    each: tuple[Any, ...] = (*spec.bodies, *spec.joints, *spec.tendons, *spec.actuators)
-    return {one.name for one in each}
-
-
-CATALOGUE: Mapping[str, type[Effect]] = _catalogue()
+_QUANTITIES = {each.name for each in fields(Moment)}
+CATALOGUE: Mapping[str, type[Effect]] = {
+    name: kind for name, kind in KNOWN.items() if kind.needs <= _QUANTITIES and name not in LEFT_OUT
+}
 """The arm's candidates by name"""
