@@ -80,7 +80,7 @@ def test_an_effect_at_a_place_that_is_not_there_is_refused(tmp_path):
     case, pieces, _ = opened(posed_models.machine(tmp_path / "arm"), logs(tmp_path / "logs", 1))
     none = np.zeros(len(case.declared))
     at = ParameterVector(none, {"gear_backlash@at_wrist": np.array([0.01])})
-    with pytest.raises(SerpentError, match="there are: at_shoulder, at_elbow"):
+    with pytest.raises(SerpentError, match="there are: at_shoulder and at_elbow"):
         case.residual([at], pieces)
 
 

@@ -92,7 +92,7 @@ def test_friction_acts_in_a_model_that_has_turned_constraints_off(tmp_path):
 def test_a_shifted_reading_changes_that_column_alone(opened):
     _, pieces, _ = opened
     change = shown(opened, "reading_shift of elbow: above time of session", *of(0.02, 3.0))
-    start = np.array([about["session"].time[0] for about in pieces.metadata])
+    start = np.array([log.time[0] for log in pieces.log])
     late = pieces.time - start[:, None] > 3.01
     early = pieces.time - start[:, None] < 2.99
     whole = early.all(axis=1)  # where readings of the lead are shifted, so is the start
