@@ -3,73 +3,36 @@
 import moving_models
 import numpy as np
 import pytest
+from nominal_twin import Nominal, assert_alike, numbers
 
-from serpent_twin import machines
 from serpent_twin.effects.law import FORCES, parse
-from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.rig import read_logs
 
 FRICTION = "hinge_friction@elbow"
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory):
-    """A two-link arm's case, its segments, and what its nominal twin shows."""
+def arm(tmp_path_factory):
+    """A two-link arm's nominal twin."""
     folder = tmp_path_factory.mktemp("arm")
     path = moving_models.machine(folder)
     for n in (1, 2):
         moving_models.log(folder / "logs" / f"session_{n}.csv", n)
-    rig = machines.find(str(path))
-    return nominal(rig, folder / "logs")
-
-
-@pytest.fixture(scope="module")
-def places(opened):
-    """Where and what may act on it."""
-    case, pieces, _ = opened
-    return case.places(start(case), pieces)
-
-
-def start(case, **effects):
-    """The nominal twin, with effects."""
-    return ParameterVector.nominal(case.declared, effects)
-
-
-def nominal(rig, logs):
-    """A machine's case, the segments of its logs, and what the nominal twin shows in them."""
-    case = rig.open(sessions := read_logs(rig, (logs,)))
-    pieces = case.pieces(sessions)
-    return case, pieces, case.machine.respond([start(case)], pieces)[0]
-
-
-def shown(opened, at="", *values, effects=()):
-    """What the nominal twin shows with a law of some numbers, or with other effects, less without."""
-    case, pieces, plain = opened
-    there = dict(effects) | ({f"discovered@{at}": np.array(values)} if at else {})
-    return case.machine.respond([start(case, **there)], pieces)[0] - plain
-
-
-def of(size, first=0.0, second=0.0):
-    """A law's eight numbers."""
-    return size, 0.0, 0.0, 0.0, first, second, 0.0, 0.0
+    return Nominal.of(path, folder / "logs")
 
 
 @pytest.mark.parametrize(
     ("at", "values", "name", "others", "near"),
     [
-        ("joint_torque of elbow: linear joint_angle of elbow", of(-0.4),
+        ("joint_torque of elbow: linear joint_angle of elbow", numbers(-0.4),
          "joint_elasticity@elbow", [0.4], 2e-4),
-        ("joint_friction of elbow: constant", of(0.03), FRICTION, [0.03, 0.0], 2e-4),
-        ("joint_torque of elbow: linear joint_velocity of elbow", of(-0.02),
+        ("joint_friction of elbow: constant", numbers(0.03), FRICTION, [0.03, 0.0], 2e-4),
+        ("joint_torque of elbow: linear joint_velocity of elbow", numbers(-0.02),
          FRICTION, [0.0, 0.02], 2e-4),
     ],
 )  # fmt: skip
-def test_a_law_moves_a_model_as_the_effect_that_says_the_same(
-    opened, at, values, name, others, near
-):
-    one, two = shown(opened, at, *values), shown(opened, effects={name: np.array(others)})
+def test_a_law_moves_a_model_as_the_effect_that_says_the_same(arm, at, values, name, others, near):
+    one, two = arm.changed(at, values), arm.changed(**{name: others})
     assert np.abs(two).max() > 0.004
     assert np.quantile(np.abs(one - two), 0.95) < near  # a start may adapt in another way
 
@@ -81,17 +44,16 @@ def test_friction_acts_in_a_model_that_has_turned_constraints_off(tmp_path):
     off = '<mujoco><option><flag constraint="disable"/></option>'
     model.write_text(model.read_text().replace("<mujoco>", off, 1))
     moving_models.log(tmp_path / "logs" / "session_1.csv", 1)
-    rig = machines.find(str(path))
-    opened = nominal(rig, tmp_path / "logs")
-    one = shown(opened, "joint_friction of elbow: constant", *of(0.03))
-    two = shown(opened, effects={FRICTION: np.array([0.03, 0.0])})
+    arm = Nominal.of(path, tmp_path / "logs")
+    one = arm.changed("joint_friction of elbow: constant", numbers(0.03))
+    two = arm.changed(**{FRICTION: [0.03, 0.0]})
     assert np.abs(two).max() > 0.004
     assert np.quantile(np.abs(one - two), 0.95) < 2e-4
 
 
-def test_a_shifted_reading_changes_that_column_alone(opened):
-    _, pieces, _ = opened
-    change = shown(opened, "reading_shift of elbow: above time of session", *of(0.02, 3.0))
+def test_a_shifted_reading_changes_that_column_alone(arm):
+    pieces = arm.pieces
+    change = arm.changed("reading_shift of elbow: above time of session", numbers(0.02, 3.0))
     start = np.array([log.time[0] for log in pieces.log])
     late = pieces.time - start[:, None] > 3.01
     early = pieces.time - start[:, None] < 2.99
@@ -121,41 +83,30 @@ LAWS = {
 
 
 @pytest.mark.parametrize(("at", "least"), LAWS.items())
-def test_a_change_shows_as_places_say_to_first_order(opened, places, at, least):
-    _, pieces, _ = opened
-    law = parse(at)
-    responses = {(each.handle, each.place): each for each in places.responses}
-    if law.handle in FORCES:
-        name = [place for handle, place in responses if handle == law.handle][-1]
-        law = parse(at.replace("lower", name))
-    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
-    first = 3.0 if law.shape == "periodic" else float(np.median(x))
-    follows = SHAPES[law.shape].form(x, first, 0.0)
-    k = 3 if law.handle == "spring" else 0  # its stiffness
-    unit = [*responses[law.handle, law.place].of(follows[None])][k][0]
-    size = 2e-3 / np.sqrt(np.mean(unit**2))
-    known = np.isfinite(pieces.measured)
-    values = np.roll(of(size), k) + np.array(of(0.0, first))
-    found, told = shown(opened, str(law), *values)[known], size * unit[known]
-    assert found @ told > least * np.linalg.norm(found) * np.linalg.norm(told)
-    assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
+def test_a_change_shows_as_places_say_to_first_order(arm, at, least):
+    if parse(at).handle in FORCES:
+        handle = parse(at).handle
+        name = [each.place for each in arm.places.responses if each.handle == handle][-1]
+        at = str(parse(at.replace("lower", name)))
+    known = np.isfinite(arm.pieces.measured)
+    found, told = arm.change(at)
+    assert_alike(found[known], told[known], least)
 
 
-def test_laws_are_sought_beside_links_that_bend(opened):
-    case, pieces, _ = opened
-    bends = {"link_flex@upper": np.array([0.05, 0.0])}
-    places = case.places(start(case, **bends), pieces)
+def test_laws_are_sought_beside_links_that_bend(arm):
+    bends = {"link_flex@upper": [0.05, 0.0]}
+    places = arm.case.places(arm.start(**bends), arm.pieces)
     torque = next(
         each for each in places.responses if (each.handle, each.place) == ("joint_torque", "elbow")
     )
-    unit = next(iter(torque.of(np.ones((1, *pieces.time.shape)))))[0]
-    law = {"discovered@joint_torque of elbow: constant": np.array(of(0.01))}
-    found = shown(opened, effects=bends | law) - shown(opened, effects=bends)
-    known = np.isfinite(pieces.measured)
+    unit = next(iter(torque.of(np.ones((1, *arm.pieces.time.shape)))))[0]
+    law = "joint_torque of elbow: constant"
+    found = arm.shown(law, numbers(0.01), **bends) - arm.shown(**bends)
+    known = np.isfinite(arm.pieces.measured)
     assert np.abs(found[known]).max() > 1e-3
     assert np.abs(0.01 * unit - found)[known].max() < 0.1 * np.abs(found[known]).max()
     angle = places.readings["joint_angle", "elbow"]
-    off = np.abs(angle - pieces.measured[..., 1])
+    off = np.abs(angle - arm.pieces.measured[..., 1])
     assert np.median(off[known[..., 1]]) < 0.1
 
 
@@ -184,32 +135,23 @@ def test_a_slack_of_a_cable_shows_as_places_say_where_it_pulls(tmp_path, at, pul
     model = tmp_path / "arm.xml"
     model.write_text(model.read_text().replace("</worldbody>", CABLE))
     moving_models.log(tmp_path / "logs" / "session_1.csv", 1)
-    rig = machines.find(str(path))
-    opened = case, pieces, _ = nominal(rig, tmp_path / "logs")
-    places = case.places(start(case), pieces)
-    slack = next(each for each in places.responses if each.handle == "slack")
-    law = parse(f"slack of cable: {at}")
-    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
-    assert law.reading != "tension" or (x.max() > 0.2 and x.min() == 0.0)
-    first = float(np.median(x)) if law.shape == "beyond" else 0.0
-    follows = SHAPES[law.shape].form(x, first, 0.0)
-    unit = next(iter(slack.of(follows[None])))[0]
-    size = 1e-3 / max(follows.max(), 1e-9)
-    found = shown(opened, str(law), *of(size, first))
-    known = np.isfinite(pieces.measured)
-    told, found = size * unit[known], found[known]
+    arm = Nominal.of(path, tmp_path / "logs")
+    law = f"slack of cable: {at}"
+    x, _ = arm.reading(law)
+    assert parse(law).reading != "tension" or (x.max() > 0.2 and x.min() == 0.0)
+    known = np.isfinite(arm.pieces.measured)
+    found, told = (each[known] for each in arm.change(law, 2e-4))
     assert np.abs(found).max() > 1e-4
-    assert found @ told > 0.98 * np.linalg.norm(found) * np.linalg.norm(told)
-    assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
+    assert_alike(found, told, 0.98)
 
 
-def test_places_are_told_by_name_and_unit(opened, places):
-    handles = {each.handle for each in places.responses}
+def test_places_are_told_by_name_and_unit(arm):
+    handles = {each.handle for each in arm.places.responses}
     assert handles == {"joint_torque", "joint_friction", *FORCES, "command", "reading_shift"}
-    assert ("joint_velocity", "elbow") in places.readings
-    forces = [each for each in places.responses if each.handle in ("joint_torque", *FORCES)]
+    assert ("joint_velocity", "elbow") in arm.places.readings
+    forces = [each for each in arm.places.responses if each.handle in ("joint_torque", *FORCES)]
     assert not any(each.own.any() for each in forces)  # angles do not show forces at once
-    units = opened[0].units_of_law(parse("joint_torque of elbow: linear joint_angle of elbow"))
+    units = arm.case.units_of_law(parse("joint_torque of elbow: linear joint_angle of elbow"))
     assert units["size"] == "N m per rad"
 
 
@@ -221,6 +163,6 @@ def test_places_are_told_by_name_and_unit(opened, places):
         ("joint_torque of elbow: linear horn_torque of elbow", "no law follows the horn torque of elbow"),
     ],
 )  # fmt: skip
-def test_what_a_model_lacks_is_refused(opened, at, says):
+def test_what_a_model_lacks_is_refused(arm, at, says):
     with pytest.raises(SerpentError, match=says):
-        shown(opened, at, *of(0.1))
+        arm.shown(at, numbers(0.1))

@@ -5,47 +5,20 @@ import numpy as np
 import posed_models
 import pytest
 from hanging_models import BELOW, STOP, lever, pulls, pushed, stop
+from nominal_twin import Nominal, numbers
 from scipy.optimize import root
 
-from serpent_twin import machines
 from serpent_twin.effects.law import FORCES, HANDLES, parse
-from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.rig import read_logs
-
-
-def opened(path, logs):
-    """A machine's case and its segments."""
-    rig = machines.find(str(path))
-    case = rig.open(sessions := read_logs(rig, (logs,)))
-    return case, case.pieces(sessions)
 
 
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory):
-    """A hanging chain's case and its segments."""
+    """A hanging chain's nominal twin."""
     folder = tmp_path_factory.mktemp("chain")
     path = hanging_models.machine(folder)
     hanging_models.log(folder / "logs" / "poses.csv", 1)
-    return opened(path, folder / "logs")
-
-
-@pytest.fixture(scope="module")
-def places(chain):
-    """What changes at its places show."""
-    case, pieces = chain
-    return case.places(ParameterVector.nominal(case.declared), pieces)
-
-
-def shown(opened, at="", *values, **effects):
-    """What the nominal twin shows with a law of some sizes, first and second, or with other effects."""
-    case, pieces = opened
-    there = {name.replace("_at_", "@"): np.array(each) for name, each in effects.items()}
-    if at:
-        there[f"discovered@{at}"] = np.array([*values, 0.0, 0.0])
-    point = ParameterVector.nominal(case.declared, there)
-    return case.machine.respond([point], pieces)[0]
+    return Nominal.of(path, folder / "logs")
 
 
 def by_statics(pieces, law=None, slack=None):
@@ -78,35 +51,33 @@ def carried(q):
 @pytest.mark.parametrize(
     ("at", "values", "law"),
     [
-        ("spring of link_3: constant", (0.3, 0, -0.2, 4.0, 0, 0), tied),
-        ("force_in_body of link_2: constant", (0.3, 0, 0.1, 0, 0, 0), carried),
-        ("joint_torque of joint_3: below joint_angle of joint_3", (-STOP, 0, 0, 0, BELOW, 0), stop),
-        ("force of link_3: beyond position_x of link_3", (-8.0, 0, 0, 0, 0.03, 0), pushed),
-        ("joint_torque of joint_2: linear joint_angle of joint_3", (1.0, 0, 0, 0, 0, 0), loaded),
-        ("force of link_2: constant", (0.2, 0, -0.4, 0, 0, 0), lambda q: lever(q, 1).T @ [0.2, -0.4]),
+        ("spring of link_3: constant", (0.3, 0, -0.2, 4.0, 0, 0, 0, 0), tied),
+        ("force_in_body of link_2: constant", (0.3, 0, 0.1, 0, 0, 0, 0, 0), carried),
+        ("joint_torque of joint_3: below joint_angle of joint_3", (-STOP, 0, 0, 0, BELOW, 0, 0, 0), stop),
+        ("force of link_3: beyond position_x of link_3", (-8.0, 0, 0, 0, 0.03, 0, 0, 0), pushed),
+        ("joint_torque of joint_2: linear joint_angle of joint_3", (1.0, 0, 0, 0, 0, 0, 0, 0), loaded),
+        ("force of link_2: constant", (0.2, 0, -0.4, 0, 0, 0, 0, 0), lambda q: lever(q, 1).T @ [0.2, -0.4]),
     ],
 )  # fmt: skip
 def test_a_law_moves_a_model_at_rest_as_statics_say(chain, at, values, law):
-    _, pieces = chain
-    found, true = shown(chain, at, *values), by_statics(pieces, law)
-    assert np.abs(true - by_statics(pieces)).max() > 0.004
+    found, true = chain.shown(at, values), by_statics(chain.pieces, law)
+    assert np.abs(true - by_statics(chain.pieces)).max() > 0.004
     assert found == pytest.approx(true, abs=2e-6)
 
 
 def test_a_cable_that_stretches_by_its_tension_is_a_softer_one(chain, monkeypatch):
     """By the tension that it would have at this length without."""
-    _, pieces = chain
-    found = shown(chain, "slack of right: linear tension of right", 0.01, 0, 0, 0, 0, 0)
-    usual = by_statics(pieces)
+    found = chain.shown("slack of right: linear tension of right", numbers(0.01))
+    usual = by_statics(chain.pieces)
     monkeypatch.setattr(hanging_models, "STIFFNESS", np.array([60.0, 60.0 * (1 - 60.0 * 0.01)]))
-    true = by_statics(pieces)
+    true = by_statics(chain.pieces)
     assert np.abs(true - usual).max() > 0.01
     assert found == pytest.approx(true, abs=2e-6)
 
 
 def test_a_cable_slips_at_an_instant(chain):
-    _, pieces = chain
-    found = shown(chain, "slack of left: above time of session", 0.01, 0, 0, 0, 20.5, 0)
+    pieces = chain.pieces
+    found = chain.shown("slack of left: above time of session", numbers(0.01, 20.5))
     since = pieces.time.min()
     true = by_statics(pieces, slack=lambda t: np.array([0.01 * (t - since > 20.5), 0.0]))
     assert np.abs(true - by_statics(pieces)).max() > 0.005
@@ -135,9 +106,9 @@ def stepped(told, size):
 @pytest.mark.parametrize(("size", "most"), [(0.15, 1), (0.02, 1), (-0.15, 2)])
 def test_a_step_is_settled_on_either_side_or_on_it(chain, size, most):
     """A torque that pushes back beyond a threshold holds poses on it; one that pushes on has two."""
-    _, pieces = chain
+    pieces = chain.pieces
     law = "joint_torque of joint_3: under joint_angle of joint_3"
-    found = shown(chain, law, size, 0, 0, 0, BELOW, 0).reshape(-1, 6)
+    found = chain.shown(law, numbers(size, BELOW)).reshape(-1, 6)
     told = np.stack([pieces.column["left"], pieces.column["right"]], axis=-1).reshape(-1, 2)
     counts = set()
     for one, each in zip(found, told, strict=True):
@@ -161,26 +132,21 @@ LAWS = [
 
 
 @pytest.mark.parametrize(("at", "size"), LAWS)
-def test_a_small_law_shows_as_places_say_to_first_order(chain, places, at, size):
-    _, pieces = chain
-    law = parse(at)
-    response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
-    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
-    first = float(np.median(x))
+def test_a_small_law_shows_as_places_say_to_first_order(chain, at, size):
+    law, (x, first) = parse(at), chain.reading(at)
     k = 3 if law.handle == "spring" else 0  # its stiffness
-    expected = response.change[k] * SHAPES[law.shape].form(x, first, 0.0)[..., None]
-    sizes = size * np.eye(4)[k]
-    found = (shown(chain, at, *sizes, first, 0) - shown(chain)) / size
-    assert response.change.shape[0] == HANDLES[law.handle].components
+    expected = chain.response(at).change[k] * chain.follows(at)[..., None]
+    found = chain.changed(at, np.roll(numbers(size), k) + numbers(0.0, first)) / size
+    assert chain.response(at).change.shape[0] == HANDLES[law.handle].components
     clear = np.abs(x - first) > 3e-3 if law.shape == "above" else np.ones(x.shape, bool)
     assert np.abs(found - expected)[clear].max() < 0.01 * np.abs(found).max()
 
 
-def test_readings_of_poses_are_those_of_statics(chain, places):
-    _, pieces = chain
+def test_readings_of_poses_are_those_of_statics(chain):
+    pieces = chain.pieces
     told = np.array([pieces.column["left"][1, 2], pieces.column["right"][1, 2]])
     q = hanging_models.rest(told)
-    found = {key: x[1, 2] for key, x in places.readings.items()}
+    found = {key: x[1, 2] for key, x in chain.places.readings.items()}
     assert [found["joint_angle", f"joint_{n}"] for n in (1, 2, 3)] == pytest.approx(q, abs=1e-6)
     tensions = [found["tension", name] for name in ("left", "right")]
     assert tensions == pytest.approx(pulls(q, told)[0], abs=1e-4)
@@ -190,20 +156,20 @@ def test_readings_of_poses_are_those_of_statics(chain, places):
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
-    """A two-link arm's case and its segments."""
+    """A two-link arm's nominal twin."""
     folder = tmp_path_factory.mktemp("arm")
     path = posed_models.machine(folder)
     posed_models.log(folder / "logs" / "poses.csv", 1, friction=(0.1, 0.05))
-    return opened(path, folder / "logs")
+    return Nominal.of(path, folder / "logs")
 
 
 def test_a_law_holds_where_dry_friction_does(arm):
     """As a spring of the joint in the model."""
-    friction = {"hinge_friction_at_elbow": [0.05, 0.0]}
-    usual = shown(arm, **friction)
+    friction = {"hinge_friction@elbow": [0.05, 0.0]}
+    usual = arm.shown(**friction)
     law = "joint_torque of elbow: linear joint_angle of elbow"
-    one = shown(arm, law, -0.4, 0, 0, 0, 0, 0, **friction)
-    two = shown(arm, joint_elasticity_at_elbow=[0.4], **friction)
+    one = arm.shown(law, numbers(-0.4), **friction)
+    two = arm.shown(**{"joint_elasticity@elbow": [0.4]}, **friction)
     assert np.nanmax(np.abs(two - usual)) > 0.005
     assert np.isfinite(one).all()
     assert one == pytest.approx(two, abs=1e-5)
@@ -220,30 +186,26 @@ def turned(tmp_path_factory):
     log = posed_models.log(folder / "logs" / "poses.csv", 1)
     head, *rows = log.read_text().splitlines()
     log.write_text("\n".join([f"{head},angle", *(f"{row},{n % 7}" for n, row in enumerate(rows))]))
-    return opened(path, folder / "logs")
+    return Nominal.of(path, folder / "logs")
 
 
 def test_places_of_a_model_with_prescribed_motion(turned):
-    case, pieces = turned
-    places = case.places(ParameterVector.nominal(case.declared), pieces)
-    there = {(r.handle, r.place): r for r in places.responses}
-    assert {*there} == {
+    assert {(r.handle, r.place) for r in turned.places.responses} == {
         ("joint_torque", "elbow"), ("command", "at_elbow"), ("reading_shift", "elbow"),
         *((force, "lower") for force in FORCES),
     }  # fmt: skip
-    for at, size in (("joint_torque of elbow", 1e-3), ("reading_shift of elbow", 1e-3)):
-        found = (shown(turned, f"{at}: constant", size, 0, 0, 0, 0, 0) - shown(turned)) / size
-        handle, place = at.split(" of ")
+    for at in ("joint_torque of elbow: constant", "reading_shift of elbow: constant"):
+        found = turned.changed(at, numbers(1e-3)) / 1e-3
         assert np.abs(found).max() > 0.1
-        assert found == pytest.approx(there[handle, place].change[0], abs=1e-3)
+        assert found == pytest.approx(turned.response(at).change[0], abs=1e-3)
 
 
 def test_a_reading_shifts_from_an_instant_on(turned):
-    _, pieces = turned
-    found = shown(turned, "reading_shift of elbow: above time of session", 0.02, 0, 0, 0, 10.5, 0)
+    pieces = turned.pieces
+    found = turned.changed("reading_shift of elbow: above time of session", numbers(0.02, 10.5))
     true = np.zeros(found.shape)
     true[..., 3] = 0.02 * (pieces.time - pieces.time.min() > 10.5)
-    assert found - shown(turned) == pytest.approx(true, abs=1e-12)
+    assert found == pytest.approx(true, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -258,4 +220,4 @@ def test_a_reading_shifts_from_an_instant_on(turned):
 )  # fmt: skip
 def test_what_no_pose_can_honour_is_refused(arm, at, says):
     with pytest.raises(SerpentError, match=says):
-        shown(arm, at, 0.1, 0, 0, 0, 0, 0)
+        arm.shown(at, numbers(0.1))

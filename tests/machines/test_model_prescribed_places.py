@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 import swinging_models
 from cabled_models import cabled, lines, span
+from nominal_twin import Nominal, assert_alike, numbers
 
-from serpent_twin.effects.law import parse
-from serpent_twin.effects.law_shape import SHAPES
-from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 from serpent_twin.identification.run import Trace, trace
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.model import open_machine
 
 PUSH, FROM, WIDE = 0.08, 1.2, 0.5  # [N m], [rad]
 SENSOR = """
@@ -20,11 +16,6 @@ columns = ["mx", "my", "mz"]
 unit = "N m"
 noise = 0.01
 """
-
-
-def numbers(size, first=0.0, second=0.0):
-    """A law's eight numbers."""
-    return np.array([size, 0.0, 0.0, 0.0, first, second, 0.0, 0.0])
 
 
 def sensing(folder):
@@ -45,19 +36,9 @@ def sensing(folder):
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory):
-    """What `nominal` gives of it."""
-    path, log = sensing(tmp_path_factory.mktemp("arm"))
-    return nominal(path, log)
-
-
-def nominal(path, log):
-    """A machine's case and segments, what changes at its places show, and what the nominal twin does."""
-    rig = open_machine(path)
-    case = rig.open(sessions := rig.read(log))
-    pieces = case.pieces(sessions)
-    start = ParameterVector.nominal(case.declared)
-    return case, pieces, case.places(start, pieces), case.machine.respond([start], pieces)[0]
+def arm(tmp_path_factory):
+    """Its nominal twin."""
+    return Nominal.of(*sensing(tmp_path_factory.mktemp("arm")))
 
 
 LAWS = {
@@ -76,35 +57,11 @@ LAWS = {
 }
 
 
-def shown(opened, at):
-    """What a twin with a law shows beyond the nominal one, (S, T, C), and what places say of that; it begins
-    in the middle of its reading and changes channels by 2 mm, mrad or mN m, rms.
-    """
-    case, pieces, places, plain = opened
-    law = parse(at)
-    responses = {(each.handle, each.place): each for each in places.responses}
-    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
-    first = 0.3 * float(np.ptp(x)) if law.shape == "play" else float(np.median(x))
-    follows = RowsInTime.among(places.readings).followed(SHAPES[law.shape], x, first, 0.0)
-    unit = next(iter(responses[law.handle, law.place].of(follows[None])))[0]
-    size = 2e-3 / np.sqrt(np.mean(unit**2))
-    effects = {f"discovered@{at}": numbers(size, first)}
-    point = ParameterVector.nominal(case.declared, effects)
-    return case.machine.respond([point], pieces)[0] - plain, size * unit
-
-
-def agree(found, told, least):
-    """Whether changes have nearly one direction, and nearly one size."""
-    sizes = np.linalg.norm(found), np.linalg.norm(told)
-    assert np.sum(found * told) > least * np.prod(sizes)
-    assert sizes[1] == pytest.approx(sizes[0], rel=0.1)
-
-
 @pytest.mark.parametrize(("at", "channel", "least"), [(*of, least) for of, least in LAWS.items()])
-def test_a_change_shows_as_places_say_to_first_order(opened, at, channel, least):
+def test_a_change_shows_as_places_say_to_first_order(arm, at, channel, least):
     """In the elbow's angle, and in the torque that moves the shoulder."""
-    found, told = shown(opened, at)
-    agree(found[..., channel], told[..., channel], least)
+    found, told = arm.change(at)
+    assert_alike(found[..., channel], told[..., channel], least)
 
 
 @pytest.mark.parametrize("at", ["joint_torque of elbow: constant", "force of lower: constant"])
@@ -116,18 +73,14 @@ def test_a_change_shows_to_first_order_where_a_tendon_is_prescribed(tmp_path, at
     long = 1e3 * span([0.0, 0.0]) + 30 * np.sin(3 * time)
     seen = tip + 1e-3 * np.random.default_rng(0).standard_normal((len(time), 3))
     log = lines(tmp_path / "log.csv", np.c_[time, long, seen, long])
-    agree(*shown(nominal(path, log), at), 0.99)
+    assert_alike(*Nominal.of(path, log).change(at), 0.99)
 
 
-def test_what_a_prescribed_joint_takes_up_is_no_place(opened):
+def test_what_a_prescribed_joint_takes_up_is_no_place(arm):
     """A torque there shows in nothing that MuJoCo measures."""
-    case, pieces, places, plain = opened
-    assert not [each for each in places.responses if each.place == "shoulder"]
-    assert ("joint_angle", "shoulder") in places.readings
-    law = {"discovered@joint_torque of shoulder: constant": numbers(0.1)}
-    point = ParameterVector.nominal(case.declared, law)
-    with_it = case.machine.respond([point], pieces)[0]
-    assert np.abs(with_it - plain).max() < 1e-4
+    assert not [each for each in arm.places.responses if each.place == "shoulder"]
+    assert ("joint_angle", "shoulder") in arm.places.readings
+    assert np.abs(arm.changed("joint_torque of shoulder: constant", numbers(0.1))).max() < 1e-4
 
 
 @pytest.mark.slow
