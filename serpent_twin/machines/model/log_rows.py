@@ -26,6 +26,9 @@ from serpent_twin.tables.sampling import (
     longest_gap,
 )
 
+_NAMED = 4
+"""Columns with empty cells that are named one by one"""
+
 
 @dataclass(frozen=True, eq=False)
 class RawLog(Log):
@@ -194,8 +197,14 @@ def _say_held(one: RawLog, others: Sequence[RawLog], notes: list[str]) -> None:
             (each.prescribed, "the motion is interpolated in empty cells"),
         ):
             lacking = {n: int((~np.isfinite(each.columns[n])).sum()) for n in names}
-            if named := [f"{count} in {name!r}" for name, count in lacking.items() if count]:
-                notes.append(f"{each.path}: {done}, {listed(named)}.")
+            lacking = {name: count for name, count in lacking.items() if count}
+            where = listed(f"{count} in {name!r}" for name, count in lacking.items())
+            if len(lacking) > _NAMED:
+                most = max(lacking, key=lacking.__getitem__)
+                whole = f"{sum(lacking.values())} in {len(lacking)} columns"
+                where = f"{whole}, most in {most!r}, {lacking[most]}"
+            if lacking:
+                notes.append(f"{each.path}: {done}, {where}.")
     for each in others:
         what = [
             f"{kind} of {listed(map(repr, names))} {done}"
