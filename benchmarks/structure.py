@@ -62,17 +62,24 @@ print("\\n".join(file for file in files if file))
     return [Path(line) for line in done.stdout.splitlines()]
 
 
-def trace_any_model() -> None:
-    """Trace two logs of the demo's robot, which the package does not know, as far as needs every module."""
+def demo_machine(home: Path) -> Path:
+    """Write the demo's robot, which the package does not know, with its logs; returns its machine.toml."""
     from experiments.demo import robot
+
+    robot.write(home)
+    machine = home / "machine.toml"
+    machine.write_text(_MACHINE + "".join(map(_JOINT.format, robot.JOINTS)), encoding="utf-8")
+    return machine
+
+
+def trace_any_model() -> None:
+    """Trace two logs of the demo's robot as far as needs every module."""
     from serpent_twin.trace import Trace, trace
 
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
-        home = Path(folder)
-        logs = robot.write(home)[:2]
-        machine = home / "machine.toml"
-        machine.write_text(_MACHINE + "".join(map(_JOINT.format, robot.JOINTS)), encoding="utf-8")
-        trace(Trace(tuple(logs), home / "trace", machine=machine, minutes=0.1))
+        machine = demo_machine(Path(folder))
+        logs, out = (machine.parent / "logs",), machine.parent / "trace"
+        trace(Trace(logs, out, machine=machine, sessions=2, minutes=0.1))
 
 
 def rooms() -> tuple[list[str], np.ndarray]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from benchmarks.frozen_cases import ROOT, FrozenCase, find, run
 from benchmarks.rows import BenchmarkRows
+from benchmarks.structure import demo_machine
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
@@ -28,7 +29,6 @@ from serpent_twin.stored import within
 _STEPS = "benchmarks/step_times.py"
 _EARLIER_STEPS = "9f0afe0"
 """The commit whose step_times.py measures the earlier tree: functions that it calls have changed since"""
-_SHARED = ROOT.parent / "shared"
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,6 @@ class TraceSpeed(Checked):
 
     commit: str = "1f65653"
     """The earlier commit."""
-    shared: Path = _SHARED
-    """Folder of logs that are no part of the project; without it only the arm is measured."""
     rounds: Annotated[int, within(1, 1000)] = 2
     """Times that each pair is measured; the median ratio counts."""
     trace: bool = True
@@ -73,24 +71,23 @@ def steps(tree: Path, words: Sequence[str]) -> dict[str, float]:
 def main(config: TraceSpeed) -> None:
     """Print processor times, and their ratios to those of the earlier commit."""
     rows = BenchmarkRows()
-    shared = config.shared.resolve()
-    robot = shared / "strangers" / "scara"
-    machines = {
-        "data_arm_a": [str(ROOT / "data" / "arm_a")],
-        "scara": [f"{robot}/logs", str(robot)],
-    }
     with tempfile.TemporaryDirectory() as folder:
-        earlier, made = checked_out(config.commit, Path(folder) / "tree"), Path(folder) / "made"
-        for case in find(tuple(machines)):
-            if case.missing(shared):
-                continue
+        home = Path(folder)
+        earlier, robot = checked_out(config.commit, home / "tree"), demo_machine(home / "robot")
+        logs = str(robot.parent / "logs")
+        words = ("trace", "--logs", logs, "--machine", str(robot), "--no-discover")
+        machines = {
+            find(("data_arm_a",))[0]: [str(ROOT / "data" / "arm_a")],
+            FrozenCase("demo_robot", words): [logs, str(robot)],
+        }
+        for case, given in machines.items():
 
             def traced(tree: Path, _: Sequence[str], case: FrozenCase = case) -> dict[str, float]:
-                return {"trace": run(case, tree, shared, made)["processor_s"]}
+                return {"trace": run(case, tree, ROOT, home / "made")["processor_s"]}
 
             for measure, rounds in [(steps, config.rounds), (traced, 1)][: 1 + config.trace]:
                 trees = [ROOT, earlier] * rounds
-                found = [measure(tree, machines[case.name]) for tree in trees]
+                found = [measure(tree, given) for tree in trees]
                 _add(rows, case.name, config.commit, found)
     rows.write(config.out)
 
