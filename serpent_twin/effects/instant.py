@@ -123,8 +123,9 @@ class Instant:
         """Which column of a quantity is of a place; raises a `SerpentError` that lists the places."""
         kind = self._kind(field := self._held(quantity))
         if place not in (names := self.names[kind]):
+            article = "an" if kind[0] in "aeiou" else "a"
             raise SerpentError(
-                f"it needs {field} of a {kind}, and {place!r} is none; there are: "
+                f"it needs {field} of {article} {kind}, and {place!r} is none; there are: "
                 f"{listed(dict.fromkeys(names)) or 'none'}."
             )
         return list(names).index(place)
