@@ -89,7 +89,7 @@ IGNORED = {
         "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Demo", "EstimateSpeed", "Plan",
         "FaultMatrix", "FollowStudy", "ForceStudy", "Fuzz", "HowOftenRight", "Measured", "NextMotion",
         "ReadoutTable", "ReferencePages", "ResultPage", "RightNames", "ShipTrace", "SimToReal",
-        "SweepSpeed", "TraceSpeed", "WholeTrace",
+        "Frozen", "Structure", "SweepSpeed", "TraceSpeed",
     )
 }  # fmt: skip
 """What each config ignores, by what is given beside it: all else is used in that mode"""

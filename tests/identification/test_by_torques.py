@@ -28,8 +28,12 @@ def pushed():
     both = impose([NOMINAL_TWIN.with_effect(each) for each in (law, none)], motion)
     did, twin_did = (both.each(lambda v, n=n: v[n, :, 20:]) for n in (0, 1))
     pieces = SimpleNamespace(
-        joint_angle=did.joint_angle,
-        motors=motion.motors[:, 20:],
+        column={
+            "joint_angle": did.joint_angle,
+            "motor_position": motion.motors.angle[:, 20:],
+            "motor_velocity": motion.motors.velocity[:, 20:],
+        },
+        time=motion.motors.time[:, 20:],
         marker=did.marker,
         prior_runtime=np.zeros(3),
         measured=np.zeros((3, 140, 37)),

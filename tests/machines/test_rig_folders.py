@@ -59,7 +59,7 @@ def test_logs_of_another_calibration_or_clock_are_refused(folders):
         SerpentError, match=r"differ in zero of motor 3: 2048 in old/session_01, 2100 in new/"
     ):
         read_logs(MACHINE, folders)
-    rewritten(metadata=zeroed, time=1.05 * other.time)
+    rewritten(metadata=zeroed, columns=other.columns | {"time": 1.05 * other.time})
     with pytest.raises(
         SerpentError, match=r"clocks differ: 0\.26.* s a row in new/.*, 0\.25 s in old/"
     ):

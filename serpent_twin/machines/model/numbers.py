@@ -149,13 +149,12 @@ def _turned(name: str, compiled: str, prior: float) -> NumberKind:
 
 
 def _near_rest(model: mujoco.MjModel) -> np.ndarray:
-    """By how much dry friction of joints rises with velocity near rest, 2 / (w (1 − d) τ) of their inverse
-    inertia w, and of the impedance d and time constant τ of the friction constraint; 0 without friction.
+    """How steeply dry friction of joints rises with velocity near rest, 2 / ((1 − d) τ) [1/s], of the
+    impedance d and time constant τ of its constraint: over the inverse inertia, in N m s/rad.
     """
     dof = model.jnt_dofadr
     quick = (1 - model.dof_solimp[dof, 0]) * model.dof_solref[dof, 0]
-    slope = 2 / np.maximum(model.dof_invweight0[dof] * quick, 1e-12)
-    return np.where(model.dof_frictionloss[dof] > 0, slope, 0.0)
+    return np.where(model.dof_frictionloss[dof] > 0, 2 / np.maximum(quick, 1e-12), 0.0)
 
 
 def _scale_near_rest(joint: Any, factor: float) -> None:
@@ -186,7 +185,7 @@ NUMBERS: Mapping[str, NumberKind] = {
         "N m", "joint", _of_dof("dof_frictionloss"), _attribute("frictionloss"), 0.5
     ),
     "friction near rest": NumberKind(
-        "N m s/rad",
+        "1/s",
         "joint",
         _near_rest,
         _scale_near_rest,

@@ -11,6 +11,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range, law_of, place_of
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.from_sites import placed_joints
 from serpent_twin.machines.model.numbers import OF_SLIDES
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 from serpent_twin.machines.model.things import OBJECTS, names
@@ -45,12 +46,12 @@ class Sizes:
 
 
 def sizes(machine: Described, training: Sequence[Log]) -> Sizes:
-    """Of the nominal model along the logs: as measured, where all joints are, else as it moves by itself; of
-    poses, where the search for them begins.
+    """Of the nominal model along the logs: as measured, where all joints are, else as it moves by itself, as
+    accelerations by where sites are would be noise; of poses, where the search for them begins.
     """
     model, data = machine.model, mujoco.MjData(machine.model)
     stiffness = _stiffness(machine, data)
-    joints = measured_joints(machine)
+    joints = {} if placed_joints(machine) else measured_joints(machine)
     if machine.about.rows != MOTION:
         mujoco.mj_resetData(model, data)
         data.qpos[:] = machine.begin
