@@ -123,8 +123,9 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
         which = tuple(n for n, name in enumerate(known) if fnmatchcase(name, pattern))
         shared = _coordinate(model, uncertain.number, which, prior, pattern)
         yield shared
-        for n in which if uncertain.each and len(which) > 1 else ():
-            one = _coordinate(model, uncertain.number, (n,), uncertain.each, known[n])
+        apart = uncertain.each or 0.0
+        for n in which if apart and len(which) > 1 else ():
+            one = _coordinate(model, uncertain.number, (n,), apart, known[n])
             of = (shared.declared.name, one.declared.name)
             yield replace(one, quantity=replace(one.quantity, of=of))
 

@@ -345,8 +345,8 @@ class PrescribedSteps:
 
     def held(self, n: int, faster: Array | None = None) -> Array:
         """What constraints hold in a step whose speed is half a step older than its place, (S, P)."""
-        faster = self.faster[n] if faster is None else faster
-        return self.at[n] + 4 * self._step * self.older[n] + self._turn(faster)
+        turn = self._turn(self.faster[n] if faster is None else faster)
+        return self.at[n] + 4 * self._step * self.older[n] + turn
 
     def _turn(self, faster: Array) -> Array:
         return 4 * _HELD * self._step**2 * faster
