@@ -12,6 +12,7 @@ from serpent_twin.machines.model.prescribed import LAG, KnownMotion
 
 RADIUS, STIFFNESS, INERTIA, DAMPING, FRICTION = 0.02, 2000.0, 4e-3, 2e-2, 0.01
 FLAP, HELD = 0.05, 0.004  # [N m/rad], [N m]
+ROTOR, VISCOUS = 2e-3, 0.05  # [kg m²], [N m s/rad] of the winch
 LAGS, PERIOD = 0.06, 0.25  # [s]
 MJCF = f"""<mujoco>
   <option timestep="0.001" gravity="0 0 0" integrator="implicitfast"/>
@@ -19,7 +20,8 @@ MJCF = f"""<mujoco>
     <site name="base" pos="0.3 0 0" quat="0.7071067811865476 0 0.7071067811865476 0"/>
     <body name="horn" pos="0 0.5 0">
       <inertial pos="0 0 0" mass="0.01" diaginertia="1e-9 1e-9 1e-9"/>
-      <joint name="winch" axis="0 1 0" frictionloss="{FRICTION}"/>
+      <joint name="winch" axis="0 1 0" armature="{ROTOR}"
+             frictionloss="{FRICTION}" damping="{VISCOUS}"/>
     </body>
     <body name="link">
       <inertial pos="0 0 0" mass="0.1" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>
@@ -104,7 +106,10 @@ def winch(tmp_path_factory):
     angle = swung(time, between)
     world = 200 * np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=1) - [300, 0, 0]
     seen = np.stack([-world[:, 2], world[:, 1], world[:, 0]], axis=1)  # base: x down
-    torque = 1e3 * (RADIUS**2 * STIFFNESS * (at - angle) + FRICTION * np.tanh(speed / 0.0167))
+    left = np.exp(-PERIOD / LAGS)  # of a change of velocity in the next row
+    faster = np.r_[0.0, np.diff(speed)] / (1 - left) * left / LAGS
+    moves = FRICTION * np.tanh(speed / 0.0167) + VISCOUS * speed + ROTOR * faster
+    torque = 1e3 * (RADIUS**2 * STIFFNESS * (at - angle) + moves)
     table = np.c_[time, at, speed, seen, torque]
     np.savetxt(
         folder / "log.csv", table, "%.9f", ",", header="t,wound,speed,x,y,z,torque", comments=""

@@ -91,8 +91,8 @@ def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
     MuJoCo's usual time constant.
 
     What is prescribed has no limits, and no damping: nothing else would notice it, and implicit integration
-    takes it for a force that holds back. Dry friction of a joint in motion only adds to what drives it, see
-    `Effort`.
+    takes it for a force that holds back. Dry and viscous friction of a joint in motion only add to what
+    drives it, see `Effort`; its user data keep them, and its own armature.
     """
     moves = machine.about.rows == MOTION
     if machine.prescribed and spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4:
@@ -102,14 +102,15 @@ def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
         kind, name = drive.of
         followed = spec.joint(name) if kind == "joint" else spec.tendon(name)
         followed.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+        rubs = [float(np.ravel(each)[0]) for each in (followed.frictionloss, followed.damping)]
         followed.damping = np.zeros_like(followed.damping)
         if not (moves and drive.joint):
             constrained.append(drive)
             continue
         inertia = machine.model.dof_M0[machine.model.joint(name).dofadr[0]]
-        followed.userdata = [float(np.ravel(followed.frictionloss)[0])]
+        followed.userdata = [*rubs, own := float(np.ravel(followed.armature)[0])]
         followed.frictionloss = np.zeros_like(followed.frictionloss)
-        followed.armature = np.full_like(followed.armature, _HEAVY * inertia)
+        followed.armature = np.full_like(followed.armature, own + _HEAVY * inertia)
     if constrained:
         _constrain(spec, constrained, _SHORT if moves else _USUAL)
 
@@ -139,27 +140,29 @@ def _constrain(spec: mujoco.MjSpec, drives: Sequence[DriveColumn], time_constant
 
 @dataclass(frozen=True)
 class Effort:
-    """What drives a heavy joint of n runs: what its own acceleration does not take, and dry friction."""
+    """What drives a heavy joint of n runs: what the acceleration of its weight does not take, and friction."""
 
     dof: int
     inertia: Array
-    """(n,)"""
-    friction: Array
+    """That makes it heavy, (n,)"""
+    dry: Array
     """[N m or N], (n,)"""
+    viscous: Array
+    """[N m s/rad or N s/m], (n,)"""
 
     @classmethod
     def at(cls, models: Sequence[mujoco.MjModel], joint: str) -> "Effort":
         """That of a joint in runs of some models."""
         dof = int(models[0].joint(joint).dofadr[0])
-        inertia = np.array([model.dof_armature[dof] for model in models])
-        friction = np.array([model.jnt_user[model.joint(joint).id][0] for model in models])
-        return cls(dof, inertia, friction)
+        dry, viscous, own = np.array([model.joint(joint).user[:3] for model in models]).T
+        whole = np.array([model.dof_armature[dof] for model in models])
+        return cls(dof, whole - own, dry, viscous)
 
     def read(self, batch: Batch) -> Array:
-        """Torques or forces [N m or N], (n,); of friction, all in motion and nothing at rest."""
+        """Torques or forces [N m or N], (n,); of dry friction, all in motion and nothing at rest."""
         fields = ("qfrc_applied", "qacc", "qvel")
         applied, acceleration, speed = (batch.bind(name)[:, self.dof] for name in fields)
-        against = self.friction * np.tanh(speed / _STANDING)
+        against = self.dry * np.tanh(speed / _STANDING) + self.viscous * speed
         return applied - self.inertia * acceleration + against
 
 
@@ -247,7 +250,8 @@ class Prescription:
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._force, _ = batch.bind("qfrc_applied"), batch.bind("ten_length")
         self._pose, self._speed = (in_a_row(each) if len(each) else each for each in (pose, speed))
-        self._inertia = model.dof_armature[speed]
+        own = np.array([model.joint(name).user[2] for name in names]) if motion else 0.0
+        self._inertia = model.dof_armature[speed] - own
 
     def hold(self, at: Array) -> None:
         """Constrain to angles and lengths [SI], (n, P)."""
