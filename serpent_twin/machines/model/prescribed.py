@@ -140,7 +140,7 @@ def _constrain(spec: mujoco.MjSpec, drives: Sequence[DriveColumn], time_constant
 
 @dataclass(frozen=True)
 class Effort:
-    """What drives a heavy joint of n runs: what the acceleration of its weight does not take, and friction."""
+    """What drives a heavy joint of n runs: what accelerating its weight does not take, and friction."""
 
     dof: int
     inertia: Array
