@@ -35,18 +35,16 @@ def softness(
     Friction F [N m], inverse inertia w [1/(kg m²)], transition velocity v [rad/s]: v = F w (1 − d) τ / 2,
     with a time constant that is no shorter than the one given [s].
     """
-    quick = 2 * transition / np.maximum(friction * inverse_inertia, 1e-12)  # (1 − d) τ
+    quick = 2 * transition / np.maximum(friction * inverse_inertia, 1e-12)
+    return softness_of(quick, time)
+
+
+def softness_of(quick: Array, time: Array | float = USUAL) -> tuple[Array, Array]:
+    """Time constants τ [s] and impedances d [1] of friction constraints whose (1 − d) τ is given [s], with a
+    time constant that is no shorter than a given one.
+    """
     give = np.minimum(np.maximum(quick / time, 1 - STICKS), 1 - _SOFTEST)
     return np.maximum(time, quick / give), 1 - give
-
-
-def scaled_softness(time: float, impedance: float, factor: float) -> tuple[float, float]:
-    """Time constant [s] and impedance [1] of a friction constraint whose slope by velocity near rest is a
-    factor times as large.
-    """
-    quick = (1 - impedance) * time / factor
-    give = min(max(quick / USUAL, 1 - STICKS), 1 - _SOFTEST)
-    return max(USUAL, quick / give), 1 - give
 
 
 def friction_inertia(impedance: Array, inverse_inertia: Array) -> Array:

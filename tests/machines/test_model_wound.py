@@ -8,7 +8,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.from_sites import placed_joints, site_column
-from serpent_twin.machines.model.prescribed import LAG, KnownMotion
+from serpent_twin.machines.model.known_motion import LAG, KnownMotion
 
 RADIUS, STIFFNESS, INERTIA, DAMPING, FRICTION = 0.02, 2000.0, 4e-3, 2e-2, 0.01
 FLAP, HELD = 0.05, 0.004  # [N m/rad], [N m]

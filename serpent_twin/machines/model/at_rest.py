@@ -14,8 +14,8 @@ from serpent_twin.machines.model.clocks import Clocks, clocks_of, session_time
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.known import Factor, by_known_numbers
+from serpent_twin.machines.model.known_motion import known_motion
 from serpent_twin.machines.model.poses import PosedRuns, Rests
-from serpent_twin.machines.model.prescribed import known_motion
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.state_effects import acting_at_rest

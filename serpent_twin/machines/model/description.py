@@ -307,6 +307,13 @@ class Described:
         return [each for each in self.about.drive if not each.actuator]
 
     @property
+    def read_joints(self) -> dict[str, str]:
+        """The column of each joint whose motion is prescribed, or whose angle or length is measured."""
+        columns = {each.joint: each.column for each in self.prescribed if each.joint}
+        measured = (each for each in self.about.measured if each.angle_of)
+        return columns | {each.angle_of: each.columns[0] for each in measured}
+
+    @property
     def pose(self) -> Measure:
         """The measure of the pose."""
         return self.about.measured[0].measure

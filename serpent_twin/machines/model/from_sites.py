@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.description import Described, MeasuredColumns
+from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.springs import single_joints
+from serpent_twin.machines.model.things import joints_moving
 from serpent_twin.sim.stepper import side_by_side
 from serpent_twin.tables.log import Log
 
@@ -43,10 +45,7 @@ def placed_joints(machine: Described) -> tuple[str, ...]:
     leave one of those that move them open.
     """
     sites = [each for each in machine.about.measured if each.site]
-    known = {each.joint for each in machine.prescribed} | {
-        each.angle_of for each in machine.about.measured
-    }
-    model = machine.model
+    model, known = machine.model, machine.read_joints
     free = [n for n in single_joints(model) if model.joint(int(n)).name not in known]
     if not sites or len(single_joints(model)) < model.njnt or not free:
         return ()
@@ -70,9 +69,8 @@ class SitePlaces:
         self._model, self._sites, self._joints = model, sites, joints
         self._site = [model.site(each.site).id for each in sites]
         self._frame = [model.site(each.frame).id if each.frame else -1 for each in sites]
-        body = model.site_bodyid[self._site]
-        above = np.array([[_is_above(model, model.jnt_bodyid[j], b) for j in joints] for b in body])
-        self._moves = above.astype(float)
+        moved = [joints_moving(model, int(model.site_bodyid[n])) for n in self._site]
+        self._moves = np.array([[float(j in each) for j in joints] for each in moved])
         self._slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
         self.address = model.jnt_qposadr[joints]
 
@@ -107,12 +105,6 @@ class SitePlaces:
         return np.concatenate(places, axis=1), np.concatenate(slopes, axis=1)
 
 
-def _is_above(model: mujoco.MjModel, above: int, body: int) -> bool:
-    while body and body != above:
-        body = int(model.body_parentid[body])
-    return bool(body == above)
-
-
 @dataclass(frozen=True)
 class _Rigid:
     """Parts of a rigid machine, as a log's sites place them."""
@@ -140,11 +132,8 @@ class _Rigid:
         """Poses with all that is measured or prescribed, (T, nq)."""
         model, columns = self.machine.model, run.columns
         pose = np.tile(self.machine.begin, (len(run), 1))
-        given = {each.joint: each.column for each in self.machine.prescribed if each.joint}
-        given |= {each.angle_of: each.columns[0] for each in self.machine.about.measured}
-        for joint, column in given.items():
-            if joint:
-                pose[:, int(model.joint(joint).qposadr[0])] = columns[column]
+        for joint, column in self.machine.read_joints.items():
+            pose[:, address(model, joint)] = columns[column]
         return pose
 
     def measured(self, run: Log) -> Array:

@@ -19,8 +19,8 @@ from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.filters import filtered, only_filters
 from serpent_twin.machines.model.full_states import FullStates
 from serpent_twin.machines.model.known import Factor, by_known_numbers
+from serpent_twin.machines.model.known_motion import known_motion
 from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
-from serpent_twin.machines.model.prescribed import known_motion
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.replay import FollowedSessions, MeasuredJoints, followed
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.hinge_friction import scaled_softness
+from serpent_twin.arm.hinge_friction import softness_of
 from serpent_twin.machines.model.masses import weigh
 
 _R, _K, _P, _I, _D, _V = 0, 1, 4, 5, 6, 7
@@ -158,9 +158,8 @@ def _near_rest(model: mujoco.MjModel) -> np.ndarray:
 
 
 def _scale_near_rest(joint: Any, factor: float) -> None:
-    joint.solref_friction[0], joint.solimp_friction[:2] = scaled_softness(
-        joint.solref_friction[0], joint.solimp_friction[0], factor
-    )
+    quick = (1 - joint.solimp_friction[0]) * joint.solref_friction[0]
+    joint.solref_friction[0], joint.solimp_friction[:2] = softness_of(quick / factor)
 
 
 def _loosen(tendon: Any, by: float) -> None:

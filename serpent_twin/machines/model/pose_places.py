@@ -26,7 +26,7 @@ from serpent_twin.machines.model.places import (
     moved_bodies,
 )
 from serpent_twin.machines.model.pose_changes import PoseChanges
-from serpent_twin.machines.model.things import lengths
+from serpent_twin.machines.model.things import joints_moving, lengths
 from serpent_twin.machines.places import PlaceResponse, PlacesInRow, with_more
 from serpent_twin.tables.segments import Segments
 
@@ -108,13 +108,7 @@ def _tendons(model: mujoco.MjModel) -> list[str]:
 
 def _moves(model: mujoco.MjModel, body: int, held: Collection[tuple[str, str]]) -> bool:
     """Whether a body has a joint, or is on one that has, which is not prescribed."""
-    while body:
-        first = int(model.body_jntadr[body])
-        joints = range(first, first + int(model.body_jntnum[body]))
-        if any(("joint", model.joint(n).name) not in held for n in joints):
-            return True
-        body = int(model.body_parentid[body])
-    return False
+    return any(("joint", model.joint(n).name) not in held for n in joints_moving(model, body))
 
 
 def _few(several: Sequence[T]) -> list[T]:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.machines.model.clocks import Clocks, clocks_of, session_time
-from serpent_twin.machines.model.prescribed import KnownMotion, Prescription
+from serpent_twin.machines.model.known_motion import KnownMotion
+from serpent_twin.machines.model.prescribed import Prescription
 from serpent_twin.machines.model.seen import Seen, segments_of
 from serpent_twin.machines.model.state_effects import Acting
 from serpent_twin.machines.model.state_laws import StateLaws

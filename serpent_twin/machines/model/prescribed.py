@@ -1,82 +1,28 @@
 """Let joints and tendons of a model follow a motion that is known, and the rest respond."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.coordinates import ratio_of, zero_of
 from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
+from serpent_twin.machines.model.known_motion import KnownMotion
 from serpent_twin.sim.stepper import addresses, in_a_row
-from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Segments
 
 _HELD = 0.9999
 """MuJoCo's impedance of a constraint that hardly gives way: the most that it allows"""
-_HEAVY = 1e6
+HEAVY = 1e6
 """Times its inertia, an armature with which a joint moves as it is pushed whatever else acts on it"""
 _STANDING = 0.0167
 """Speed [rad/s, m/s] about which dry friction turns from one side to the other"""
 _SHORT, _USUAL = 1e-9, 0.02
 """Time constants of constraints [s]: one that MuJoCo raises to two steps, and its default"""
-LAG = "lag of the drives"
-"""Name of the column of the time with which drives take up a velocity [rows]"""
-_JUMPS, _LONGEST = 0.5, 0.9
-"""Of the root mean square of all jumps, those of a velocity that count; the longest lag [rows]"""
-_INVERTED = 30
-"""Steps of a fixed point"""
 _PULLS, _MOMENT = 40, 3e-5
 """Steps and their length [s], in which tendons are brought to their first length"""
 _OFF = mujoco.mjtDisableBit
-
-
-@dataclass(frozen=True, eq=False)
-class KnownMotion:
-    """What is known of P joints and tendons of a machine, in the order of its drives."""
-
-    machine: Described
-    at: Array
-    """Angles and lengths in each row [SI], (S, T, P)"""
-    rate: Array
-    """Their change per row, (S, T, P); zeros for poses"""
-    lag: Array
-    """Of those that take up a velocity after each row [rows], (S,)"""
-
-    @staticmethod
-    def together(several: Sequence["KnownMotion"]) -> "KnownMotion":
-        """The motion of the runs of some twins, one twin after the other."""
-        names = ("at", "rate", "lag")
-        each = (np.concatenate([getattr(one, n) for one in several]) for n in names)
-        return KnownMotion(several[0].machine, *each)
-
-    def path(self, times: Array) -> Array:
-        """Angles and lengths at times [rows], (S, N, P); before the first row, as its rate says."""
-        spline = CubicHermiteSpline(np.arange(self.at.shape[1]), self.at, self.rate, axis=1)(times)
-        by_velocity = [n for n, each in enumerate(self.machine.prescribed) if each.velocity]
-        if by_velocity:
-            rows = np.clip(times.astype(int), 0, self.at.shape[1] - 2)
-            since = np.where(times < 0, 0.0, times - rows)[:, None]
-            at, old, lag = (
-                self.at[..., by_velocity],
-                self.rate[..., by_velocity],
-                self.lag[:, None, None],
-            )
-            taken = lag * (1 - _faded(1.0, lag))
-            new = (np.diff(at, axis=1) - old[:, :-1] * taken) / (1 - taken)
-            old, new, begun = old[:, rows], new[:, rows], at[:, rows]
-            faded = lag * (1 - _faded(since, lag))
-            found = begun + new * since + (old - new) * faded
-            spline[..., by_velocity] = found + np.minimum(times, 0.0)[:, None] * old
-        return spline
-
-
-def _faded(time: Array | float, lag: Array) -> Array:
-    """What is left of a change after a time, with a lag of first order; nothing without a lag."""
-    return np.where(lag > 0, np.exp(-time / np.maximum(lag, 1e-9)), 0.0)
 
 
 def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
@@ -110,7 +56,7 @@ def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
         inertia = machine.model.dof_M0[machine.model.joint(name).dofadr[0]]
         followed.userdata = [*rubs, own := float(np.ravel(followed.armature)[0])]
         followed.frictionloss = np.zeros_like(followed.frictionloss)
-        followed.armature = np.full_like(followed.armature, own + _HEAVY * inertia)
+        followed.armature = np.full_like(followed.armature, own + HEAVY * inertia)
     if constrained:
         _constrain(spec, constrained, _SHORT if moves else _USUAL)
 
@@ -164,69 +110,6 @@ class Effort:
         applied, acceleration, speed = (batch.bind(name)[:, self.dof] for name in fields)
         against = self.dry * np.tanh(speed / _STANDING) + self.viscous * speed
         return applied - self.inertia * acceleration + against
-
-
-def with_rates(machine: Described, run: Log) -> dict[str, Array]:
-    """A log's columns, and the rate per row of each prescribed motion: of the cubic spline through all rows,
-    whose acceleration does not jump.
-    """
-    rows, period = np.arange(len(run)), float(np.median(np.diff(run.time)))
-    rates = {
-        rate_column(each.column): period * run.columns[each.velocity]
-        if each.velocity
-        else CubicSpline(rows, run.columns[each.column])(rows, 1)
-        for each in machine.prescribed
-    }
-    return run.columns | rates
-
-
-def with_lag(machine: Described, runs: Sequence[Log]) -> list[Log]:
-    """Logs with the mean time, in rows, with which drives take up a new velocity after a row: of first order,
-    0 for drives that are not commanded so.
-
-    Where a velocity v₀ becomes v at the next row, of the time T, the motion is v T + (v₀ − v) s with
-    s = τ − T e/(1 − e) and e = exp(−T/τ): s is a slope over all rows and drives, τ follows.
-    """
-    jump, short = [np.zeros(1)], [np.zeros(1)]
-    for run in runs:
-        time = np.diff(run.time)
-        for each in machine.prescribed:
-            if each.velocity:
-                at, v = run.columns[each.column], run.columns[each.velocity]
-                jump.append((v[:-1] - v[1:]) * time)
-                short.append(np.diff(at) - v[1:] * time)
-    x, y = np.concatenate(jump), np.concatenate(short)
-    use = np.isfinite(x + y)
-    use &= np.abs(x) > _JUMPS * np.sqrt(np.mean(x[use] ** 2))
-    slope = float(x[use] @ y[use] / (x[use] @ x[use])) if use.any() else 0.0
-    lag = slope
-    for _ in range(_INVERTED if slope > 0 else 0):
-        lag = slope + 1 / np.expm1(1 / min(lag, _LONGEST))
-    lag = float(np.clip(lag, 0.0, _LONGEST))
-    return [replace(run, columns=run.columns | {LAG: np.full(len(run), lag)}) for run in runs]
-
-
-def rate_column(column: str) -> str:
-    """Name of the column of the rate of a prescribed motion."""
-    return f"{column} per row"
-
-
-def known_motion(
-    machine: Described, x: Mapping[str, float], pieces: Segments
-) -> KnownMotion | None:
-    """What logs tell of prescribed joints and tendons, at coordinates `x` of the fit; nothing without any."""
-    if not machine.prescribed:
-        return None
-    at, rate = [], []
-    for each in machine.prescribed:
-        scale = float(np.exp(x[ratio_of(each)])) if each.ratio and not each.exact else 1.0
-        told = scale * pieces.column[each.column]
-        zero = 0.0 if each.exact else machine.control_unit(each)[1] * x[zero_of(each)]
-        at.append(told + zero)
-        usual = np.zeros_like(told)
-        rate.append(scale * pieces.column.get(rate_column(each.column), usual))
-    lag = pieces.column[LAG][:, 0] if LAG in pieces.column else np.zeros(len(pieces))
-    return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1), lag)
 
 
 class Prescription:

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.full_states import FullStates, read_states
+from serpent_twin.machines.model.prescribed import HEAVY
 from serpent_twin.machines.model.seen import Seen, address
 from serpent_twin.machines.model.starts import LEAD, SegmentStart
 from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
 
-_HEAVY = 1e6
-"""Times its inertia, an armature with which a joint moves as it is told whatever acts on it"""
 _REST, _ROWS, _LOOK = 0.02, 300, 30
 """Length [s] and most of the rows in which unmeasured joints come to rest; rows between two tests of that"""
 _STILL = 2e-4
@@ -173,6 +172,6 @@ def with_constrained_rates(
 def _made_heavy(model: mujoco.MjModel, dofs: Sequence[int]) -> mujoco.MjModel:
     heavy = copy.copy(model)
     for n in dofs:
-        heavy.dof_armature[n] = _HEAVY * model.dof_M0[n]
+        heavy.dof_armature[n] = HEAVY * model.dof_M0[n]
         heavy.dof_frictionloss[n] = 0.0
     return heavy

@@ -12,7 +12,7 @@ from serpent_twin.effects import law_of
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.places import only_single
-from serpent_twin.machines.model.things import acts_on
+from serpent_twin.machines.model.things import acts_on, joints_moving
 from serpent_twin.numerals import counted, listed
 
 MOST_PLACES = 12
@@ -110,7 +110,7 @@ def _known_joints(machine: Described) -> set[int]:
         if kind == "joint":
             found.add(model.joint(name).id)
         elif kind == "site":
-            found |= _moving(model, int(model.site_bodyid[model.site(name).id]))
+            found |= joints_moving(model, int(model.site_bodyid[model.site(name).id]))
         elif kind == "tendon":
             found |= _along(model, model.tendon(name).id)
         elif kind == "sensor":
@@ -130,15 +130,6 @@ def _tied(model: mujoco.MjModel, known: set[int]) -> set[int]:
     return found
 
 
-def _moving(model: mujoco.MjModel, body: int) -> set[int]:
-    """Joints that move a body."""
-    found = set[int]()
-    while body:
-        found |= set(np.flatnonzero(model.jnt_bodyid == body).tolist())
-        body = int(model.body_parentid[body])
-    return found
-
-
 def _along(model: mujoco.MjModel, tendon: int) -> set[int]:
     """Joints that change a tendon's length."""
     found = set[int]()
@@ -148,7 +139,7 @@ def _along(model: mujoco.MjModel, tendon: int) -> set[int]:
         if model.wrap_type[n] == mujoco.mjtWrap.mjWRAP_JOINT:
             found.add(of)
         elif model.wrap_type[n] == mujoco.mjtWrap.mjWRAP_SITE:
-            found |= _moving(model, int(model.site_bodyid[of]))
+            found |= joints_moving(model, int(model.site_bodyid[of]))
     return found
 
 
@@ -160,7 +151,7 @@ def _sensed(model: mujoco.MjModel, sensor: int) -> set[int]:
     if at == mujoco.mjtObj.mjOBJ_TENDON:
         return _along(model, of)
     if at == mujoco.mjtObj.mjOBJ_SITE:
-        return _moving(model, int(model.site_bodyid[of]))
+        return joints_moving(model, int(model.site_bodyid[of]))
     if at in (mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY):
-        return _moving(model, of)
+        return joints_moving(model, of)
     return set()

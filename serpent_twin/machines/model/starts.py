@@ -10,7 +10,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.from_sites import placed, placed_joints, site_column
 from serpent_twin.machines.model.full_states import FullStates
-from serpent_twin.machines.model.prescribed import LAG, rate_column, with_lag, with_rates
+from serpent_twin.machines.model.known_motion import LAG, rate_column, with_lag, with_rates
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
@@ -49,10 +49,8 @@ def measured_joints(machine: Described) -> dict[str, str]:
     """The column of each joint that is measured, prescribed or placed by measured sites, from which a run can
     start in any row; none where a motion is prescribed and a joint is unknown that would matter.
     """
-    columns = {each.joint: each.column for each in machine.prescribed if each.joint}
-    columns |= {each.angle_of: each.columns[0] for each in machine.about.measured if each.angle_of}
     by_sites = placed_joints(machine) if machine.about.rows == MOTION else ()
-    columns |= {joint: site_column(joint) for joint in by_sites}
+    columns = machine.read_joints | {joint: site_column(joint) for joint in by_sites}
     return {} if machine.prescribed and not (by_sites or _all_known(machine, columns)) else columns
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.full_states import hold_history
-from serpent_twin.machines.model.prescribed import KnownMotion, PrescribedSteps, Prescription
+from serpent_twin.machines.model.known_motion import KnownMotion
+from serpent_twin.machines.model.prescribed import PrescribedSteps, Prescription
 from serpent_twin.machines.model.relaxed import relax
 from serpent_twin.machines.model.seen import Seen, address
 from serpent_twin.machines.model.starts import LEAD, SegmentStart

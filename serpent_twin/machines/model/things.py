@@ -1,6 +1,7 @@
 """Look up the things of a model that a machine.toml names."""
 
 import mujoco
+import numpy as np
 
 from serpent_twin import stored
 from serpent_twin.units import TO_SI
@@ -79,3 +80,12 @@ def acts_on(model: mujoco.MjModel, actuator: str | int) -> tuple[str, str]:
         case mujoco.mjtTrn.mjTRN_JOINT | mujoco.mjtTrn.mjTRN_JOINTINPARENT:
             return "joint", model.joint(target).name
     return "", ""
+
+
+def joints_moving(model: mujoco.MjModel, body: int) -> set[int]:
+    """Joints that move a body: its own, and those of the bodies that it is on."""
+    found = set[int]()
+    while body:
+        found |= set(np.flatnonzero(model.jnt_bodyid == body).tolist())
+        body = int(model.body_parentid[body])
+    return found
