@@ -10,8 +10,8 @@ from experiments.measured.benchmark import BENCHMARKS, Benchmark, rig_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.rig import is_named
 from serpent_twin.numerals import counted
-from serpent_twin.sessions import refuse_repeated
 from serpent_twin.tables.log import Log
+from serpent_twin.tables.repeated import refuse_repeated
 
 Split = tuple[list[Log], list[Log]]
 """Runs to fit, and runs that judge"""

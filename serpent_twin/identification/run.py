@@ -33,10 +33,10 @@ from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.sessions import refuse_repeated
 from serpent_twin.sim.exact_xml import first_comment
 from serpent_twin.stored import within
 from serpent_twin.tables.log import Log
+from serpent_twin.tables.repeated import refuse_repeated
 
 SETTINGS = "trace.json"
 _SESSIONS = Group("session")

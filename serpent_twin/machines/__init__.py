@@ -1,22 +1,20 @@
-"""Find the rigs of the machines that can be traced: each is a module or package here with a `RIG`."""
+"""Find the rigs of the machines that can be traced: each is a package here with a `MACHINE`."""
 
 import importlib
-import pkgutil
+from collections.abc import Mapping
 from pathlib import Path
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.rig import Rig
 from serpent_twin.runs.provenance import file_hash
 
+RIGS: Mapping[str, str] = {
+    "arm": "the cable-driven serpentine arm",
+    "trunk": "a soft trunk on twelve cables",
+}
+"""What each rig is, by the name of its package"""
 _DESCRIBED = ("jaw", "xl330")
 """Rigs of before, which are folders of `experiments/measured` now"""
-_NO_RIGS = ("candidate", "case", "machine", "measured", "model", "places", "proposals", "rig")
-
-
-def available() -> list[str]:
-    """Names of the rigs."""
-    here = [str(Path(__file__).parent)]
-    return sorted(file.name for file in pkgutil.iter_modules(here) if file.name not in _NO_RIGS)
 
 
 def named(rig: str, machine: Path | None) -> str:
@@ -35,8 +33,8 @@ def made_of(rig: Rig) -> dict[str, str]:
 
 
 def described() -> str:
-    """Every rig's name and first docstring line, for the command line."""
-    return "; ".join(f"{name}, {find(name).about}" for name in available())
+    """Every rig's name and what it is, for the command line."""
+    return "; ".join(f"{name}, {about}" for name, about in RIGS.items())
 
 
 def find(name: str) -> Rig:
@@ -46,6 +44,6 @@ def find(name: str) -> Rig:
     if name in _DESCRIBED:
         where = f"experiments/measured/{name}/machine.toml"
         raise SerpentError(f"{name} is no rig any more: give --machine {where} in place of --rig.")
-    if name not in available():
-        raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(available())}.")
+    if name not in RIGS:
+        raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(RIGS)}.")
     return importlib.import_module(f"{__name__}.{name}").MACHINE

@@ -88,11 +88,6 @@ class Rig(Protocol):
         """Its name on the command line."""
         ...
 
-    @property
-    def about(self) -> str:
-        """A description for the command line's help."""
-        ...
-
     def read(self, source: Path) -> Sequence[Log]:
         """The sessions of a folder, or of one file; raises a `SerpentError` on logs that are not of this
         machine.

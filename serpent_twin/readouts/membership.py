@@ -2,7 +2,7 @@
 
 from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.sessions import Session
-from serpent_twin.sessions.repeated import readings_hash
+from serpent_twin.tables.repeated import readings_hash
 
 _LESS = "its error here may be less than on a new session."
 _SAID = {

@@ -12,7 +12,8 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.sessions import Session, readings_hash, refuse_damaged
+from serpent_twin.sessions import Session, refuse_damaged
+from serpent_twin.tables.repeated import readings_hash
 
 STATE, COMMAND = 2 * N_JOINTS, N_JOINTS
 

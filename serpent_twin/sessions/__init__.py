@@ -11,7 +11,6 @@ from serpent_twin.sessions.parquet import (
     write_session,
 )
 from serpent_twin.sessions.recovery import recover
-from serpent_twin.sessions.repeated import readings_hash, refuse_repeated
 from serpent_twin.sessions.session import (
     COLUMNS,
     FIELDS,
@@ -35,11 +34,9 @@ __all__ = [
     "read_folder",
     "read_journal",
     "read_session",
-    "readings_hash",
     "recover",
     "refuse_damaged",
     "refuse_odd_markers",
-    "refuse_repeated",
     "say_unread",
     "session_files",
     "write_session",

@@ -20,7 +20,8 @@ from serpent_twin.readouts.windows import Windows, cut
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.sessions import read_folder, refuse_repeated
+from serpent_twin.sessions import read_folder
+from serpent_twin.tables.repeated import refuse_repeated
 from serpent_twin.training.split import Split, split
 from serpent_twin.training.training_run import COST, judged, training_time
 

@@ -8,7 +8,8 @@ import numpy as np
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.readouts.windows import Windows, cut
-from serpent_twin.sessions import Session, refuse_repeated
+from serpent_twin.sessions import Session
+from serpent_twin.tables.repeated import refuse_repeated
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,10 @@ from serpent_twin.live.options import Estimate
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect
-from serpent_twin.sessions import read_folder, read_session, readings_hash
+from serpent_twin.sessions import read_folder, read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
+from serpent_twin.tables.repeated import readings_hash
 
 SOFT = replace(NOMINAL_TWIN, parameters=replace(NOMINAL, strand_stiffness=8e3)).with_effect(
     Payload(mass=0.02)

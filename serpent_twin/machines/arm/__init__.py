@@ -37,7 +37,6 @@ class ArmRig:
     """The arm of `serpent_twin.arm`, driven by its motors' angles, measured by cameras and motor loads."""
 
     name: str = "arm"
-    about: str = "the cable-driven serpentine arm"
 
     def read(self, source: Path) -> list[Session]:
         """The sessions of a folder, or that of one file, checked."""

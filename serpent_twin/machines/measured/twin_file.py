@@ -12,8 +12,9 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.sim.twin_model import KIND as ARM
 
+_ARM = "serpent_twin design"
+"""Kind of the serpentine arm's twin.json"""
 VERSION: Literal[2] = 2
 """Of twin.json; a file without one has the same keys"""
 _ADVICE = "Give the twin.json that `python -m serpent_twin.trace` wrote for this machine."
@@ -87,7 +88,7 @@ def read_described(path: Path) -> MachineTwin:
     """The twin.json of any machine but the serpentine arm, whatever its name."""
     advice = "Give the twin.json of `python -m serpent_twin.trace --machine …`."
     values = stored.read_json(path, advice=advice)
-    if isinstance(values, dict) and values.get("kind") == ARM:
+    if isinstance(values, dict) and values.get("kind") == _ARM:
         raise SerpentError(
             f"{path} is a twin of the serpentine arm, whose effects act in serpent_twin.Twin alone. {advice}"
         )

@@ -58,11 +58,6 @@ class ModelRig:
         """All that the description is made of."""
         return self.described.files
 
-    @property
-    def about(self) -> str:
-        """What it is."""
-        return f"the model {self.described.about.model}"
-
     def read(self, source: Path) -> list[Log]:
         """The sessions of a folder, or of one file; of a motion with the columns from which it starts."""
         runs = log_file.read_runs(self.described, source)

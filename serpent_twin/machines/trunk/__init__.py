@@ -183,7 +183,6 @@ class TrunkRig:
     """The trunk, judged by its disks and its servos' angles."""
 
     name: str = "trunk"
-    about: str = "a soft trunk on twelve cables"
     twin: Path | None = None
     """twin.json of the trunk before something was changed"""
 

@@ -22,6 +22,7 @@ from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 from serpent_twin.tables.log import Log
+from serpent_twin.tables.repeated import readings_hash, refuse_repeated
 from serpent_twin.training.train import Train, train
 
 LOGS = DATA / "arm_a"
@@ -70,18 +71,18 @@ def test_a_copy_is_known_by_what_it_holds(how, logs, tmp_path):
         train(Train(logs, tmp_path / "out", ("analytical",)))
     assert not (tmp_path / "out").exists()
     one, two = (sessions.read_session(logs / f"session_0{n}.parquet") for n in (2, 6))
-    assert sessions.readings_hash(one) == sessions.readings_hash(two)
+    assert readings_hash(one) == readings_hash(two)
 
 
 @pytest.mark.parametrize("how", changed(make_session(1)))
 def test_a_part_or_a_changed_copy_is_known(how):
     session = make_session(1)
     with pytest.raises(SerpentError, match="session_01 and session_01 hold the same readings"):
-        sessions.refuse_repeated([make_session(2), session, changed(session)[how]])
+        refuse_repeated([make_session(2), session, changed(session)[how]])
 
 
 def test_sessions_of_one_arm_are_not_taken_for_each_other():
-    sessions.refuse_repeated([make_session(n) for n in range(1, 9)])
+    refuse_repeated([make_session(n) for n in range(1, 9)])
     # One pose at which both begin, one in which both end and stand.
     one, two = make_session(1), make_session(2)
     for rows in (slice(0, 1), slice(380, 400)):
@@ -89,11 +90,11 @@ def test_sessions_of_one_arm_are_not_taken_for_each_other():
             getattr(two, name)[rows] = getattr(one, name)[rows][:1]
         for session in (one, two):
             session.motor_velocity[rows] = 0.0
-    sessions.refuse_repeated([one, two])
+    refuse_repeated([one, two])
     logged = sessions.read_folder(LOGS)
-    sessions.refuse_repeated(logged)
+    refuse_repeated(logged)
     halves = [logged[0][:1000], logged[0][1000:]]
-    sessions.refuse_repeated(halves)
+    refuse_repeated(halves)
 
 
 @pytest.mark.parametrize(
@@ -163,10 +164,10 @@ def test_runs_of_other_machines_are_compared_by_all_that_they_measured(tmp_path)
     runs = [
         Log(None, {}, {"time": time, "angle": rng.normal(size=200)}, f"run {n}") for n in (1, 2)
     ]
-    sessions.refuse_repeated(runs)
+    refuse_repeated(runs)
     late = {name: values[50:] for name, values in runs[0].columns.items()}
     with pytest.raises(SerpentError, match="run 1 and a copy hold the same readings"):
-        sessions.refuse_repeated([*runs, replace(runs[0], columns=late, label="a copy")])
+        refuse_repeated([*runs, replace(runs[0], columns=late, label="a copy")])
 
 
 def test_files_that_judge_elsewhere_are_no_copies_of_what_is_fitted(tmp_path):
