@@ -11,11 +11,11 @@ from mujoco import rollout
 from serpent_twin.arm.geometry import ARM, N_JOINTS
 from serpent_twin.arm.mjcf import JOINTS
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import addresses
 from serpent_twin.reservoir.sweep import drive
 from serpent_twin.reservoir.sweep.point import GridPoint
 from serpent_twin.runs.processes import processes
 from serpent_twin.sim.many_twins import TIMESTEP, hasten, substeps
-from serpent_twin.sim.stepper import addresses
 
 CORES = os.cpu_count() or 1
 _ROUNDS = 3

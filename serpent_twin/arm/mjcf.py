@@ -16,10 +16,10 @@ import numpy as np
 
 from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, Arm
-from serpent_twin.arm.hinge_friction import STICKS
 from serpent_twin.arm.mjcf_text import add, text, word
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
+from serpent_twin.engine.friction_softness import STICKS
 from serpent_twin.extras import requires
 
 if TYPE_CHECKING:

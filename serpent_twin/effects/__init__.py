@@ -20,7 +20,6 @@ from serpent_twin.effects.effect import (
     strengths,
 )
 from serpent_twin.effects.instant import Instant
-from serpent_twin.effects.moment import Moment
 from serpent_twin.effects.registry import (
     KNOWN,
     Stored,
@@ -41,7 +40,6 @@ __all__ = [
     "READING",
     "Effect",
     "Instant",
-    "Moment",
     "Range",
     "Several",
     "Stored",

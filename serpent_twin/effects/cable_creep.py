@@ -1,12 +1,12 @@
 """Let loaded cables creep, and recover."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SMOOTH, parameter
-from serpent_twin.effects.moment import Moment
 from serpent_twin.effects.strands import OnStrands, on_strands
 
 
@@ -34,15 +34,15 @@ class CableCreep(OnStrands):
     simplified = 0.05
     remembers = True
 
-    def start(self, moment: Moment) -> Array:
+    def start(self, moment: Any) -> Array:
         """Strands that have rested: no elongation [m], (n, 20)."""
         return np.zeros_like(moment.slack)
 
-    def longest_step(self, moment: Moment) -> Array | float:
+    def longest_step(self, moment: Any) -> Array | float:
         """A strand held at one length relaxes with the time constant τ / (1 + f)."""
         return SMOOTH * self.time / (1.0 + self.fraction)
 
-    def act(self, moment: Moment, memory: Array) -> None:
+    def act(self, moment: Any, memory: Array) -> None:
         """Lengthen the strands, then let them creep on; exact for a stretch held over the step."""
         moment.slack += memory
         stretch = moment.stretch if self.at else np.maximum(moment.stretch, 0.0)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import LOSS, Several, parameter, ranges
 from serpent_twin.effects.links import HELD, let_rub
-from serpent_twin.effects.moment import at_joints, loops
 from serpent_twin.effects.presliding import give_way
 from serpent_twin.effects.strands import OnStrands, on_strands
 
@@ -81,7 +80,7 @@ class CableFriction(OnStrands):
             moment.tendon_friction = moment.tendon_friction + self.coefficient * abs(moment.tension)
             return
         rubs = self.chosen * moment.tension
-        pressed = at_joints(moment.arm.pulley_radii * loops(rubs))
+        pressed = _at_joints(moment.arm.pulley_radii * _loops(rubs))
         share = self.coefficient
         if self._bends.any():
             bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
@@ -90,3 +89,13 @@ class CableFriction(OnStrands):
         if self._gives_way:
             assert memory is not None
             give_way(moment, memory, self.presliding)
+
+
+def _at_joints(per_cable: Array) -> Array:
+    """Sum over the cables that pass or end at each joint, (n, 9), of one number a cable, (n, 10)."""
+    return per_cable[:, ::-1].cumsum(axis=1)[:, :0:-1]
+
+
+def _loops(per_strand: Array) -> Array:
+    """Sum of a loop's two strands, (n, 10), of numbers a strand, (n, 20)."""
+    return per_strand[:, 0::2] + per_strand[:, 1::2]

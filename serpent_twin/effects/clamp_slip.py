@@ -1,12 +1,12 @@
 """Let a cable slip in its screw clamp."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SMOOTH, parameter
-from serpent_twin.effects.moment import Moment
 from serpent_twin.effects.strands import OnStrands, on_strands
 
 _AT_ONCE = "it slips at once, so that the strand never pulls harder than its grip"
@@ -38,15 +38,15 @@ class ClampSlip(OnStrands):
     simplified = 0.05
     remembers = True
 
-    def start(self, moment: Moment) -> Array:
+    def start(self, moment: Any) -> Array:
         """Tight clamps: no elongation [m], (n, 20)."""
         return np.zeros_like(moment.slack)
 
-    def longest_step(self, moment: Moment) -> Array | float:
+    def longest_step(self, moment: Any) -> Array | float:
         """A strand held at one length slips to its grip with the time constant 1 / (rate k)."""
         return np.maximum(_PAST, SMOOTH / np.maximum(self.rate * moment.stiffness, 1e-9))
 
-    def act(self, moment: Moment, memory: Array) -> None:
+    def act(self, moment: Any, memory: Array) -> None:
         """Lengthen the strands, then let them slip on; exact for a stretch held over the step."""
         moment.slack += memory
         excess = np.maximum(moment.tension - self.grip, 0.0)

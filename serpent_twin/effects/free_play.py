@@ -1,11 +1,11 @@
 """Let a joint move freely inside a gap between it and its drive."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from serpent_twin.effects.effect import Effect, parameter
-from serpent_twin.effects.moment import Moment
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class FreePlay(Effect):
     confused_with = ("gear_backlash", "joint_elasticity")
     simplified = 0.05  # flanks give and bounce
 
-    def act(self, moment: Moment, memory: None) -> None:
+    def act(self, moment: Any, memory: None) -> None:
         """Take up the gap."""
         half = np.asarray(self.gap) / 2
         stretch = moment.free_stretch - moment.slack

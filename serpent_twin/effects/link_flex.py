@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.effects.effect import Effect, parameter
 
 RELAXATION = 0.006
@@ -51,8 +50,9 @@ class LinkFlex(Effect):
             _bend(spec, self)
             return
         bends, twists = (max(each, RIGID) for each in (self.compliance, self.twist))
-        for i in range(2, N_JOINTS + 1):
-            length = spec.body(f"link{i}").pos[0]
+        links = [body for body in spec.bodies if body.name.startswith("link")]
+        for i, link in enumerate(links[1:], 2):
+            length = link.pos[0]
             for about, compliance in (("y", bends), ("z", bends), ("x", twists)):
                 hinge = _insert_before(spec, i)
                 hinge.name, hinge.axis = f"flex{i - 1}_{about}", [about == a for a in "xyz"]

@@ -6,10 +6,11 @@ in series. Source: Jenkin, 1922, as in Iwan, J. Applied Mechanics 33 (1966) 893;
 Control Systems 28 (2008) 64, on presliding.
 """
 
+from typing import Any
+
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.moment import Moment
 
 _LEAST = 1e-9
 _SLIDES = 0.01
@@ -20,7 +21,7 @@ _HARD = 1e-4
 """Transition velocity of a hinge that slides [rad/s]"""
 
 
-def give_way(moment: Moment, held: Array, compliance: Array | float) -> None:
+def give_way(moment: Any, held: Array, compliance: Array | float) -> None:
     """Let the hinges' friction give way elastically [rad/(N m)]; `held` is what the bristles hold [N m],
     (n, 9), changed in place.
 

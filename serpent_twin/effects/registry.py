@@ -13,7 +13,7 @@ from serpent_twin.effects.effect import Effect, ranges
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored import Form, within
 
-_INSIDE = {"effect", "moment", "registry", "strands"}
+_INSIDE = {"effect", "registry", "strands"}
 _AT = "@"
 """Between the name of a law and that of its place"""
 

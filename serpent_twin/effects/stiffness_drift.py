@@ -1,11 +1,11 @@
 """Let cables soften while the arm runs."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from serpent_twin.effects.effect import Several, parameter
-from serpent_twin.effects.moment import Moment
 from serpent_twin.effects.strands import OnStrands, on_strands
 
 LEAST = 0.1
@@ -39,7 +39,7 @@ class StiffnessDrift(OnStrands):
         """Warming, and wear."""
         return (cls(0.5), cls(0.5, carries=1.0))
 
-    def act(self, moment: Moment, memory: None) -> None:
+    def act(self, moment: Any, memory: None) -> None:
         """Soften the strands."""
         hours = (moment.time + self.carries * moment.prior_runtime) / 3600.0
         left = np.maximum(1.0 - self.rate * hours, LEAST)

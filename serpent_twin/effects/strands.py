@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import Effect, Range, parameter
 from serpent_twin.errors import SerpentError
 
 ALL = -1.0
 """In place of a strand's number: all are alike."""
-N_STRANDS = 2 * N_MOTORS
-_LAST = float(N_STRANDS + N_MOTORS - 1)
+N_CABLES = 10
+"""Cables of the arm, of which `strand` is a number"""
+N_STRANDS = 2 * N_CABLES
+_LAST = float(N_STRANDS + N_CABLES - 1)
 ALIKE = Range("1", ALL, ALL, ALL, fitted=False)
 """The range in machines that have other cables than the arm"""
 
@@ -25,7 +26,7 @@ def within(strand: float) -> tuple[float, ...]:
     and is never pulled hard.
     """
     if strand == ALL:
-        return tuple(float(N_STRANDS + j) for j in range(N_MOTORS - 1))
+        return tuple(float(N_STRANDS + j) for j in range(N_CABLES - 1))
     cable = int(strand) - N_STRANDS
     return (2.0 * cable, 2.0 * cable + 1) if cable >= 0 else ()
 

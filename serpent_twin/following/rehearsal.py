@@ -10,12 +10,12 @@ import scipy
 from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.mjcf import JOINTS
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import addresses
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.statics import gravity_stiffness, held_by_cables
-from serpent_twin.sim.stepper import addresses
 from serpent_twin.sim.twin_model import TwinModel
 
 Tell = Callable[[float], object]

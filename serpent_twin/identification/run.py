@@ -13,6 +13,7 @@ from tyro.conf import arg
 from serpent_twin import machines
 from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import ABSENT, Checked, Seed, when
+from serpent_twin.engine.exact_xml import first_comment
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.acceptance import Selection
 from serpent_twin.identification.build_diagnosis import build_diagnosis
@@ -33,7 +34,6 @@ from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.sim.exact_xml import first_comment
 from serpent_twin.stored import within
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.repeated import refuse_repeated

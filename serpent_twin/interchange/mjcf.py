@@ -1,7 +1,7 @@
 """Write a twin as MJCF, for MuJoCo and all that reads its models."""
 
+from serpent_twin.engine.exact_xml import to_xml
 from serpent_twin.interchange.exported import Exported, Format, Given, noted
-from serpent_twin.sim.exact_xml import to_xml
 
 
 def _write(given: Given) -> Exported:

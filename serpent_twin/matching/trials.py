@@ -10,9 +10,9 @@ import numpy as np
 from mujoco import rollout
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.quiet import quietly
 from serpent_twin.matching.logged import Logged
 from serpent_twin.matching.robot import FORCE, SERVO, Robot
-from serpent_twin.sim.quiet import quietly
 
 _PIECES, _SECONDS, _ROWS = 24, 0.25, 12
 """Pieces of logs that are simulated; how long each is, and how many rows at least"""

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
-from serpent_twin.arm.hinge_friction import BRISK, USUAL, softness
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Moment
+from serpent_twin.engine.friction_softness import BRISK, USUAL, softness
+from serpent_twin.engine.stepper import Stepper, addresses, in_a_row
+from serpent_twin.sim.arm_moment import Moment
 from serpent_twin.sim.pushed_statics import StretchedStrands
-from serpent_twin.sim.stepper import Stepper, addresses, in_a_row
 from serpent_twin.sim.twin_model import TwinModel
 
 _MORE = 1.001

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.hinge_friction import friction_inertia
 from serpent_twin.arrays import Array
+from serpent_twin.engine.friction_softness import friction_inertia
 from serpent_twin.sim.twin_model import TwinModel
 
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from serpent_twin.arm.geometry import markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import structure
 from serpent_twin.runs.processes import threads
 from serpent_twin.sim.differences import differences
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.reading_age import MarkersAfter
 from serpent_twin.sim.response import Response
-from serpent_twin.sim.stepper import structure
 from serpent_twin.sim.twin_model import TwinModel
 
 TIMESTEP = 0.005

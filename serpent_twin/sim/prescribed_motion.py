@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Moment
+from serpent_twin.engine.history import History
+from serpent_twin.engine.stepper import addresses, set_timestep, side_by_side
+from serpent_twin.sim.arm_moment import Moment
 from serpent_twin.sim.cable_dynamics import CableDynamics
 from serpent_twin.sim.differences import Differences
-from serpent_twin.sim.history import History
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.pushed_statics import Pushed, PushedStatics
 from serpent_twin.sim.response import Response
-from serpent_twin.sim.stepper import addresses, set_timestep, side_by_side
 from serpent_twin.sim.tangents import Tangents
 from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.sim.variation import Variation

@@ -8,8 +8,8 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arm.mjcf import JOINTS, STRANDS
 from serpent_twin.arrays import Array, cross
+from serpent_twin.engine.stepper import addresses
 from serpent_twin.sim.pushes import links_and_base
-from serpent_twin.sim.stepper import addresses
 
 _LONGEST = 0.1  # [rad] of a Newton step
 _STEPS = 12

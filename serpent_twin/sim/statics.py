@@ -4,7 +4,7 @@ import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
-from serpent_twin.effects.arm_places import LINK_MASS, levers
+from serpent_twin.sim.arm_places import LINK_MASS, levers
 from serpent_twin.sim.twin_model import TwinModel
 
 PASSES: Array = np.array(

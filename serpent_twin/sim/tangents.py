@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
-from serpent_twin.arm.hinge_friction import friction_inertia, softness
 from serpent_twin.arrays import Array
+from serpent_twin.engine.friction_softness import friction_inertia, softness
+from serpent_twin.engine.stepper import addresses
 from serpent_twin.sim.differences import Differences
-from serpent_twin.sim.stepper import addresses
 
 _NUDGE = 1e-5  # of angles, velocities and accelerations, for derivatives of inverse dynamics
 _NEAR = 1e-4  # relative change of a slope, for the derivative by it

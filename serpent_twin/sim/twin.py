@@ -10,16 +10,16 @@ from numpy.typing import ArrayLike
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arrays import Array
+from serpent_twin.engine.history import History
+from serpent_twin.engine.stepper import addresses
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.cable_dynamics import CableDynamics
-from serpent_twin.sim.history import History
 from serpent_twin.sim.many_twins import TIMESTEP, PrescribedMotion, impose
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import taken_up
 from serpent_twin.sim.pushes import LinkForces, Push
 from serpent_twin.sim.reading_age import Readings
 from serpent_twin.sim.response import Response
-from serpent_twin.sim.stepper import addresses
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 _GOALS, _PACES = slice(0, 2 * N_MOTORS, 2), slice(1, 2 * N_MOTORS, 2)

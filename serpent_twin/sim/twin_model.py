@@ -13,12 +13,13 @@ import numpy as np
 from msgspec import field
 
 from serpent_twin import effects, stored
-from serpent_twin.arm import hinge_friction, mjcf
+from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import EXACT, GEOMETRY, Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Several
+from serpent_twin.engine import friction_softness
 from serpent_twin.errors import SerpentError
 from serpent_twin.runs import files
 
@@ -87,7 +88,9 @@ class TwinModel:
         """The arm with all that MJCF can express of its effects."""
         spec = mjcf.build(self.arm, self.parameters, self.tolerances, drawn, motors)
         effects.edit(spec, self.effects)
-        hinge_friction.soften(spec, dict(zip(mjcf.JOINTS, self.transition_velocity, strict=True)))
+        friction_softness.soften(
+            spec, dict(zip(mjcf.JOINTS, self.transition_velocity, strict=True))
+        )
         return spec
 
     def effect_of(self, kind: type[E]) -> E:

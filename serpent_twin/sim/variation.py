@@ -8,8 +8,8 @@ import numpy as np
 from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import field
 from serpent_twin.errors import SerpentError
-from serpent_twin.sim.stepper import field
 
 _DERIVED = (
     "dof_invweight0",

@@ -10,7 +10,7 @@ from motion import wander
 from numpy.testing import assert_allclose
 from trunk_runs import answer, log, shape
 
-from serpent_twin import effects, playback, sessions
+from serpent_twin import playback, sessions
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN, Effect, parameter
 from serpent_twin.effects.effect import WINDING
@@ -30,6 +30,7 @@ from serpent_twin.recording.options import Collect
 from serpent_twin.reporting import rerun_recording
 from serpent_twin.sessions import read_session
 from serpent_twin.sim import twin_model
+from serpent_twin.sim.arm_moment import Moment
 from serpent_twin.sim.many_twins import TIMESTEP, impose
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
@@ -209,7 +210,7 @@ def test_an_arm_strung_anew_stays_worn():
     assert motors.twin.runtime == HOUR + 11
 
 
-@pytest.mark.parametrize("name", sorted(effects.Moment.given - {"arm", "dt"}))
+@pytest.mark.parametrize("name", sorted(Moment.given - {"arm", "dt"}))
 def test_what_was_measured_cannot_be_changed(name):
     def rebind(moment):
         setattr(moment, name, 0.0)

@@ -20,13 +20,13 @@ from serpent_twin import effects
 from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.geometry import ARM, link_frames
 from serpent_twin.effects import by_name
-from serpent_twin.effects.arm_places import levers
 from serpent_twin.effects.law import Law, parse
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.recording.simulated_arm import SimulatedArm
 from serpent_twin.sessions import read_session, write_session
 from serpent_twin.sim import twin_model
+from serpent_twin.sim.arm_places import levers
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
 

@@ -14,12 +14,12 @@ from posed_models import LENGTHS, MASSES, SPRINGS
 from scipy.optimize import minimize
 from swinging_models import RATE, SECONDS
 
+from serpent_twin.engine.exact_xml import to_xml
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.drive_table import read_drives, write_calibration
 from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.reading import read
-from serpent_twin.sim.exact_xml import to_xml
 
 
 def opened(path, log, steps=0):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from serpent_twin.arm.geometry import ARM
-from serpent_twin.effects import Moment
+from serpent_twin.sim.arm_moment import Moment
 
 
 def moment(rows=1, seed=0, **known):

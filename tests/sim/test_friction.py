@@ -8,10 +8,10 @@ import pytest
 from moments import moment
 
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.hinge_friction import STICKS, soften, softness
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN
 from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.engine.friction_softness import STICKS, soften, softness
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 

@@ -7,7 +7,8 @@ twin: an effect's file suffices for the arm's trace to try it.
 from collections.abc import Mapping
 from dataclasses import fields
 
-from serpent_twin.effects import KNOWN, Effect, Moment
+from serpent_twin.effects import KNOWN, Effect
+from serpent_twin.sim.arm_moment import Moment
 
 LEFT_OUT: Mapping[str, str] = {
     "discovered": "a trace composes it, where named effects leave something",

@@ -12,8 +12,8 @@ import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.arm_places import NAMES, centres_of_mass, levers
 from serpent_twin.machines.places import MissingTorques, PlaceResponse, by_forces
+from serpent_twin.sim.arm_places import NAMES, centres_of_mass, levers
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.statics import PASSES, against_gravity, strand_stiffness
 from serpent_twin.sim.twin_model import TwinModel

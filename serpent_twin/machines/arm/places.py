@@ -13,7 +13,12 @@ import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.arm_places import (
+from serpent_twin.effects.law import POSITIONS, READINGS
+from serpent_twin.machines.arm.missing_torques import missing_torques
+from serpent_twin.machines.arm.pieces import markers_of
+from serpent_twin.machines.places import MissingTorques, PlaceResponse, Places, by_forces
+from serpent_twin.sim import response
+from serpent_twin.sim.arm_places import (
     JOINT_AXES,
     KINDS,
     LINK_MASS,
@@ -24,11 +29,6 @@ from serpent_twin.effects.arm_places import (
     levers,
     shift,
 )
-from serpent_twin.effects.law import POSITIONS, READINGS
-from serpent_twin.machines.arm.missing_torques import missing_torques
-from serpent_twin.machines.arm.pieces import markers_of
-from serpent_twin.machines.places import MissingTorques, PlaceResponse, Places, by_forces
-from serpent_twin.sim import response
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.statics import PASSES, gravity_stiffness, of_joints, strand_stiffness
 from serpent_twin.sim.twin_model import TwinModel

@@ -11,6 +11,7 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
+from serpent_twin.engine.exact_xml import to_xml
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity, effects_at
@@ -18,7 +19,6 @@ from serpent_twin.machines.measured import twin_file
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Comparison, Measure
 from serpent_twin.runs.files import write_json, write_whole
-from serpent_twin.sim.exact_xml import to_xml
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments, Stretch, cut
 

@@ -11,6 +11,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
 from serpent_twin.effects.law import Law
+from serpent_twin.engine.quiet import quietly
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import (
     Declared,
@@ -46,7 +47,6 @@ from serpent_twin.machines.model.switches import separate
 from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
-from serpent_twin.sim.quiet import quietly
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments, cut
 

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.hinge_friction import softness_of
+from serpent_twin.engine.friction_softness import softness_of
 from serpent_twin.machines.model.masses import weigh
 
 _R, _K, _P, _I, _D, _V = 0, 1, 4, 5, 6, 7

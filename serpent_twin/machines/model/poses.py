@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
+from serpent_twin.engine.dry_friction import DryFriction, rubs
+from serpent_twin.engine.equilibrium import Equilibrium, GivingWay
+from serpent_twin.engine.stepper import side_by_side
 from serpent_twin.machines.model.clocks import Clocks, clocks_of, session_time
 from serpent_twin.machines.model.known_motion import KnownMotion
 from serpent_twin.machines.model.prescribed import Prescription
@@ -17,9 +20,6 @@ from serpent_twin.machines.model.seen import Seen, segments_of
 from serpent_twin.machines.model.state_effects import Acting
 from serpent_twin.machines.model.state_laws import StateLaws
 from serpent_twin.runs.processes import threads
-from serpent_twin.sim.dry_friction import DryFriction, rubs
-from serpent_twin.sim.equilibrium import Equilibrium, GivingWay
-from serpent_twin.sim.stepper import side_by_side
 from serpent_twin.tables.segments import Segments
 
 _FELL_BACK = 0.2

@@ -8,9 +8,9 @@ import numpy as np
 from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import addresses, in_a_row
 from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
 from serpent_twin.machines.model.known_motion import KnownMotion
-from serpent_twin.sim.stepper import addresses, in_a_row
 
 _HELD = 0.9999
 """MuJoCo's impedance of a constraint that hardly gives way: the most that it allows"""

@@ -7,6 +7,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import set_timestep, side_by_side
 from serpent_twin.machines.model.motion import RowStates
 from serpent_twin.machines.model.prescribed import PrescribedSteps, Prescription
 from serpent_twin.machines.model.seen import Seen
@@ -14,7 +15,6 @@ from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.switches import Switches
 from serpent_twin.machines.places import RowMotion
 from serpent_twin.runs.processes import threads
-from serpent_twin.sim.stepper import set_timestep, side_by_side
 
 _SMALL = 0.01
 """Differences of states, of how much each varies"""

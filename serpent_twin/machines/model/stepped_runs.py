@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import set_timestep, side_by_side
 from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.full_states import hold_history
 from serpent_twin.machines.model.known_motion import KnownMotion
@@ -20,7 +21,6 @@ from serpent_twin.machines.model.state_effects import Acting
 from serpent_twin.machines.model.state_laws import StateLaws
 from serpent_twin.machines.model.switches import Switches
 from serpent_twin.runs.processes import threads
-from serpent_twin.sim.stepper import set_timestep, side_by_side
 
 _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
 _EACH_PART = 2

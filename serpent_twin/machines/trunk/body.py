@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import scipy
 
-from serpent_twin.arm.hinge_friction import STICKS
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
+from serpent_twin.engine.friction_softness import STICKS
 from serpent_twin.machines.trunk.shape import CHANNEL, DISKS, ENDS_AT, Shape
 
 TIME_STEP = 0.01

@@ -9,14 +9,14 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Instant
-from serpent_twin.effects.arm_places import column
 from serpent_twin.effects.law import ACTUATOR_COMMAND, HANDLES, POSITIONS, READINGS, Law
+from serpent_twin.engine.history import History
+from serpent_twin.engine.stepper import Stepper, set_timestep, side_by_side
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.trunk.body import TIME_STEP
 from serpent_twin.machines.trunk.shape import DISKS, ENDS_AT, MOTORS, Shape
 from serpent_twin.numerals import listed
-from serpent_twin.sim.history import History
-from serpent_twin.sim.stepper import Stepper, set_timestep, side_by_side
+from serpent_twin.sim.arm_places import column
 
 PLACES = {
     "actuator": tuple(f"motor{m}" for m in MOTORS),

@@ -7,12 +7,12 @@ from dataclasses import asdict, dataclass, field
 from functools import cache
 from typing import Any
 
+from serpent_twin.engine.quiet import quietly
 from serpent_twin.errors import SerpentError
 from serpent_twin.reservoir.sweep import body, measures, pose
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 from serpent_twin.runs.files import finite, json_text
 from serpent_twin.runs.provenance import provenance
-from serpent_twin.sim.quiet import quietly
 
 _DIGITS = 6
 _NOTHING = 1e-9  # differences of sums leave less by rounding, which depends on the processor

@@ -14,8 +14,8 @@ from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import addresses
 from serpent_twin.reservoir.sweep.drive import HeldResponse
-from serpent_twin.sim.stepper import addresses
 from serpent_twin.sim.twin_model import TwinModel
 
 

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 from scipy.optimize import minimize
 
-from serpent_twin.sim.dry_friction import DryFriction, rubs
-from serpent_twin.sim.equilibrium import Equilibrium
-from serpent_twin.sim.stepper import side_by_side
+from serpent_twin.engine.dry_friction import DryFriction, rubs
+from serpent_twin.engine.equilibrium import Equilibrium
+from serpent_twin.engine.stepper import side_by_side
 
 SLIDE = """<mujoco><option gravity="0 0 0"/><worldbody><body>
     <joint name="slide" type="slide" axis="1 0 0" stiffness="{spring}" frictionloss="{friction}"/>

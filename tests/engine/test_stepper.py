@@ -2,7 +2,7 @@
 
 import mujoco
 
-from serpent_twin.sim.stepper import side_by_side
+from serpent_twin.engine.stepper import side_by_side
 
 MODEL = """<mujoco><worldbody><body><joint name="a"/><geom size="0.1" mass="1"/>
 <body pos="0 0 1"><joint name="b"/><geom size="0.1" mass="1"/></body></body></worldbody></mujoco>"""

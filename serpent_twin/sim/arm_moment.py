@@ -8,9 +8,9 @@ import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm, link_frames, markers_on
 from serpent_twin.arrays import Array
-from serpent_twin.effects import arm_places
 from serpent_twin.effects.instant import Instant
 from serpent_twin.effects.law import JOINT_FRICTION
+from serpent_twin.sim import arm_places
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 _STICKS = 1e-9  # [rad/s] as good as at rest
@@ -138,13 +138,3 @@ class Moment(Instant):
         tension = self.tension
         reach = self.arm.pulley_radii * self.winch_ratio
         return reach * (tension[:, 0::2] - tension[:, 1::2]) - self.motor_torque
-
-
-def at_joints(per_cable: Array) -> Array:
-    """Sum over the cables that pass or end at each joint, (n, 9), of one number a cable, (n, 10)."""
-    return per_cable[:, ::-1].cumsum(axis=1)[:, :0:-1]
-
-
-def loops(per_strand: Array) -> Array:
-    """Sum of a loop's two strands, (n, 10), of numbers a strand, (n, 20)."""
-    return per_strand[:, 0::2] + per_strand[:, 1::2]

@@ -6,7 +6,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.sim.actuators import dense
+from serpent_twin.engine.actuators import dense
 
 _EXCHANGES = 20
 """Of sliding for sticking"""

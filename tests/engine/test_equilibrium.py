@@ -5,9 +5,9 @@ import numpy as np
 import posed_models
 import pytest
 
+from serpent_twin.engine.equilibrium import Equilibrium
+from serpent_twin.engine.stepper import side_by_side
 from serpent_twin.errors import SerpentError
-from serpent_twin.sim.equilibrium import Equilibrium
-from serpent_twin.sim.stepper import side_by_side
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 GOALS = np.random.default_rng(0).uniform(-1.0, 1.0, (12, 2))

@@ -9,9 +9,9 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.actuators import Actuators
+from serpent_twin.engine.dry_friction import DryFriction
 from serpent_twin.errors import SerpentError
-from serpent_twin.sim.actuators import Actuators
-from serpent_twin.sim.dry_friction import DryFriction
 
 _POSITIONS = int(mujoco.mjtStage.mjSTAGE_POS)
 _DIFFERENCE = 1e-6

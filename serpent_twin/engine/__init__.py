@@ -1,0 +1,1 @@
+"""Simulate any MuJoCo model in time steps, at rest and with dry friction."""
