@@ -46,5 +46,5 @@ class CableCreep(OnStrands):
         """Lengthen the strands, then let them creep on; exact for a stretch held over the step."""
         moment.slack += memory
         stretch = moment.stretch if self.at else np.maximum(moment.stretch, 0.0)
-        goal = self.fraction * self.chosen * stretch
+        goal = self.fraction * self.chosen(stretch.shape[1]) * stretch
         memory += (goal - memory) * -np.expm1(-moment.dt / self.time)

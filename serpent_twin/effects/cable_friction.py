@@ -14,6 +14,9 @@ from serpent_twin.effects.links import HELD, let_rub
 from serpent_twin.effects.presliding import give_way
 from serpent_twin.effects.strands import OnStrands, on_strands
 
+_STICKS = 1e-9
+"""As good as at rest [rad/s]"""
+
 
 @dataclass(frozen=True)
 class CableFriction(OnStrands):
@@ -79,23 +82,23 @@ class CableFriction(OnStrands):
         if self.at:
             moment.tendon_friction = moment.tendon_friction + self.coefficient * abs(moment.tension)
             return
-        rubs = self.chosen * moment.tension
-        pressed = _at_joints(moment.arm.pulley_radii * _loops(rubs))
+        pressed = moment.pressed(self.chosen(moment.strands) * moment.tension)
         share = self.coefficient
         if self._bends.any():
             bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
             share = np.where(self._bends, bent, share)
-        moment.add_joint_friction(share * pressed, self.transition_velocity)
+        rub(moment, share * pressed, self.transition_velocity)
         if self._gives_way:
             assert memory is not None
             give_way(moment, memory, self.presliding)
 
 
-def _at_joints(per_cable: Array) -> Array:
-    """Sum over the cables that pass or end at each joint, (n, 9), of one number a cable, (n, 10)."""
-    return per_cable[:, ::-1].cumsum(axis=1)[:, :0:-1]
-
-
-def _loops(per_strand: Array) -> Array:
-    """Sum of a loop's two strands, (n, 10), of numbers a strand, (n, 20)."""
-    return per_strand[:, 0::2] + per_strand[:, 1::2]
+def rub(moment: Any, torque: Array, transition_velocity: Array | float) -> None:
+    """Add friction to hinges [N m], regularised below a velocity of its own [rad/s]: near rest, the slopes of
+    both frictions add.
+    """
+    before = moment.joint_friction / np.maximum(moment.transition_velocity, _STICKS)
+    slope = before + torque / np.maximum(transition_velocity, _STICKS)
+    rubs = moment.joint_friction + torque
+    moment.joint_friction = rubs
+    moment.transition_velocity = rubs / np.maximum(slope, _STICKS)

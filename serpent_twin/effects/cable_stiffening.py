@@ -33,7 +33,7 @@ class CableStiffening(Effect):
         if self.at:
             cables = [spec.tendon(self.at)]
         else:
-            cables = [each for each in spec.tendons if each.name.startswith("cable")]
+            cables = list(spec.tendons)
         for cable, stiffens in zip(cables, chosen(self.strand, len(cables)), strict=True):
             if stiffens:
                 cable.stiffness[1] = self.rate * cable.stiffness[0]

@@ -51,4 +51,4 @@ class ClampSlip(OnStrands):
         moment.slack += memory
         excess = np.maximum(moment.tension - self.grip, 0.0)
         share = -np.expm1(-moment.dt * self.rate * moment.stiffness)
-        memory += self.chosen * share * excess / np.maximum(moment.stiffness, 1e-9)
+        memory += self.chosen(memory.shape[1]) * share * excess / np.maximum(moment.stiffness, 1e-9)

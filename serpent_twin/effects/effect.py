@@ -198,7 +198,7 @@ class Effect:
 
     def here(self, moment: Any) -> Any:
         """The moment as it is where the effect acts."""
-        return moment.at(self.at) if self.at else moment
+        return moment.at(self.at)
 
     @property
     def recalls(self) -> bool:

@@ -107,8 +107,12 @@ class Instant:
         """Where a body is, as laws follow it [m], (n, 3)."""
         raise NotImplementedError
 
-    def at(self, place: str) -> "MomentAtPlace":
-        """The moment of one thing alone, arrays (n, 1); raises a `SerpentError` where effects have none."""
+    def at(self, place: str) -> Any:
+        """The moment of one thing alone, arrays (n, 1), or of all that an effect without a place is at; raises
+        a `SerpentError` where effects have no place.
+        """
+        if not place:
+            return self
         if not self.has_places:
             told = f"an effect at {place!r} cannot act on this machine. Leave out its place."
             raise SerpentError(told)
@@ -144,7 +148,7 @@ def _read_only(array: Array) -> Array:
 
 
 class MomentAtPlace:
-    """A moment at one place: its arrays are (n, 1, …), and what is written here is written there."""
+    """A moment at one place, or at all of an effect: its arrays are (n, 1, …), and what is written here is written there."""
 
     def __init__(self, whole: Instant, place: str) -> None:
         self.__dict__.update(whole=whole, place=place)
@@ -156,9 +160,15 @@ class MomentAtPlace:
             value = getattr(whole, name)
         except AttributeError as error:
             raise AttributeError(str(error), name=name, obj=self) from error
-        return value if name in whole.everywhere else value[whole.where(name, self.place)]
+        if name in whole.everywhere:
+            return value
+        where = whole.where(name, self.place)
+        return (lambda *given: value(*given)[where]) if callable(value) else value[where]
 
     def __setattr__(self, name: str, value: Array) -> None:
+        if name in self.whole.everywhere:
+            setattr(self.whole, name, value)
+            return
         changed = getattr(self.whole, name).copy()
         changed[self.whole.where(name, self.place)] = value
         setattr(self.whole, name, changed)

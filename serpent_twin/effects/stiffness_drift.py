@@ -43,4 +43,4 @@ class StiffnessDrift(OnStrands):
         """Soften the strands."""
         hours = (moment.time + self.carries * moment.prior_runtime) / 3600.0
         left = np.maximum(1.0 - self.rate * hours, LEAST)
-        moment.stiffness *= np.where(self.chosen, left, 1.0)
+        moment.stiffness *= np.where(self.chosen(moment.stiffness.shape[1]), left, 1.0)

@@ -1,7 +1,6 @@
 """Say on which strands of the arm's cables an effect acts: all, one cable's, or one."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,23 +50,23 @@ def on_strands(before: float | None = ALL) -> Any:
 class OnStrands(Effect):
     """An effect that has the parameter `strand`."""
 
-    @cached_property
-    def chosen(self) -> NDArray[np.bool_]:
-        """Which strands are meant; at a place of a model, the one that is there, (1,)."""
-        return chosen(self.strand, 1 if self.at else N_STRANDS)
+    def chosen(self, strands: int) -> NDArray[np.bool_]:
+        """Which of a machine's strands are meant, (n, strands); at a place, the one that is there."""
+        known = self.__dict__.setdefault("_chosen", {})
+        if strands not in known:
+            known[strands] = chosen(self.strand, strands)
+        return known[strands]
 
 
-def chosen(strand: Array | float, strands: int = N_STRANDS) -> NDArray[np.bool_]:
-    """Which strands are meant, (20,), or (n, 20) for numbers (n, 1); raises a `SerpentError` where a machine
-    has other cables than the arm and not all are meant.
+def chosen(strand: Array | float, strands: int) -> NDArray[np.bool_]:
+    """Which of a machine's strands are meant, (…, strands), by numbers of any shape, (…, 1): −1 for all, those
+    from 0 for one, in the model's order, and those after the last for two that follow each other, which are
+    the loop of a cable; raises a `SerpentError` where there is no such strand.
     """
-    if strands != N_STRANDS:
-        if np.not_equal(strand, ALL).any():
-            raise SerpentError(
-                f"this machine has {strands} strands, and strand {np.ravel(strand)[0]:g} is one of the arm's "
-                f"{N_STRANDS}. Set strand to -1, which means all."
-            )
-        return np.ones(strands, bool)
-    each = np.arange(N_STRANDS)
-    which = np.asarray(strand)
-    return (which == ALL) | (which == each) | (which == N_STRANDS + each // 2)
+    which, each = np.asarray(strand), np.arange(strands)
+    if (beyond := which >= strands + (strands + 1) // 2).any():
+        raise SerpentError(
+            f"this machine has {strands} strands, and strand {which[beyond].ravel()[0]:g} is neither one of "
+            f"them nor the number of a cable, {strands} and more. Set strand to -1, which means all."
+        )
+    return (which == ALL) | (which == each) | (which == strands + each // 2)

@@ -13,7 +13,6 @@ from serpent_twin.effects.law import JOINT_FRICTION
 from serpent_twin.sim import arm_places
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
-_STICKS = 1e-9  # [rad/s] as good as at rest
 
 
 @dataclass
@@ -83,14 +82,12 @@ class Moment(Instant):
     prior_runtime: Array | float = 0.0
     """Total time of earlier sessions [s], or (n, 1)"""
 
-    def add_joint_friction(self, torque: Array, transition_velocity: Array | float) -> None:
-        """Add friction to the hinges [N m], regularised below a velocity of its own [rad/s]: near rest,
-        the slopes of both frictions add.
-        """
-        before = self.joint_friction / np.maximum(self.transition_velocity, _STICKS)
-        slope = before + torque / np.maximum(transition_velocity, _STICKS)
-        self.joint_friction = self.joint_friction + torque
-        self.transition_velocity = self.joint_friction / np.maximum(slope, _STICKS)
+    strands: ClassVar[int] = 2 * N_MOTORS
+
+    def pressed(self, tension: Array) -> Array:
+        """Torque by which strands of some tensions [N], (n, 20), press on the hinges [N m], (n, 9)."""
+        per_cable = self.arm.pulley_radii * (tension[:, 0::2] + tension[:, 1::2])
+        return per_cable[:, ::-1].cumsum(axis=1)[:, :0:-1]
 
     def position(self, body: int) -> Array:
         """Where the marker of a link is in the base frame [m], (n, 3)."""

@@ -10,6 +10,7 @@ from moments import moment
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN
+from serpent_twin.effects.cable_friction import rub
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.engine.friction_softness import STICKS, soften, softness
 from serpent_twin.sim.twin import Twin
@@ -77,10 +78,10 @@ def test_friction_that_grows_with_tension_creeps_alike():
 
 def test_frictions_side_by_side_creep_as_dashpots_do():
     rubbing = moment(transition_velocity=np.full((1, 9), 0.01))
-    rubbing.add_joint_friction(np.full((1, 9), 0.015), 0.06)
+    rub(rubbing, np.full((1, 9), 0.015), 0.06)
     assert rubbing.joint_friction == pytest.approx(0.02)
     slope = 0.005 / 0.01 + 0.015 / 0.06
     assert rubbing.transition_velocity == pytest.approx(0.02 / slope)
     stuck = moment()
-    stuck.add_joint_friction(np.full((1, 9), 0.015), 0.06)
+    rub(stuck, np.full((1, 9), 0.015), 0.06)
     assert (stuck.transition_velocity < 1e-6).all()

@@ -15,7 +15,7 @@ from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.sizes import Sizes, given, sized_candidate, sized_range
-from serpent_twin.machines.model.springs import Spring, single_joints
+from serpent_twin.machines.model.springs import Springs, single_joints
 from serpent_twin.machines.model.starts import angle_of, measured_joints
 from serpent_twin.machines.model.state_laws import springs_at
 from serpent_twin.machines.model.state_moment import JOINT, TENDON
@@ -147,7 +147,8 @@ def _loads(machine: Described, training: Sequence[Log]) -> list[_Load]:
     ]
     batch = Batch(model, len(rows), 1)
     pose, control = batch.bind("qpos"), batch.bind("ctrl")
-    springs = [(kind, name, Spring(batch, kind, name)) for kind, name in springs_at(model, {""})]
+    several = springs_at(model, {""})
+    springs = Springs(batch, several)
     pose[...] = machine.begin
     for n, (run, t) in enumerate(rows):
         for joint in measured_joints(machine):
@@ -155,12 +156,12 @@ def _loads(machine: Described, training: Sequence[Log]) -> list[_Load]:
         for drive in machine.commanded:
             control[n, model.actuator(drive.actuator).id] = run.columns[drive.column][t]
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-    found = []
-    for kind, name, spring in springs:
-        _, _, stretch, told = spring.state(np.zeros((len(rows), model.nv)))
-        tension = np.clip(spring.stiffness * stretch + told, *spring.limits)
-        found.append(_Load(kind, name, float(spring.stiffness[0]), tension, stretch))
-    return found
+    stretch, told = springs.state(np.zeros((len(rows), model.nv)))
+    tension = np.clip(springs.stiffness * stretch + told, *springs.limits)
+    return [
+        _Load(kind, name, float(springs.stiffness[0, k]), tension[:, k], stretch[:, k])
+        for k, (kind, name) in enumerate(several)
+    ]
 
 
 def rubbing_tendons(machine: Described) -> Iterator[Candidate]:

@@ -307,6 +307,12 @@ class Described:
         return [each for each in self.about.drive if not each.actuator]
 
     @property
+    def winches(self) -> list[str]:
+        """The joints in motion whose motion is known."""
+        moves = self.about.rows == MOTION
+        return [each.joint for each in self.prescribed if each.joint and moves]
+
+    @property
     def read_joints(self) -> dict[str, str]:
         """The column of each joint whose motion is prescribed, or whose angle or length is measured."""
         columns = {each.joint: each.column for each in self.prescribed if each.joint}

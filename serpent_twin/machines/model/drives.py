@@ -54,6 +54,7 @@ def controls(
         scale = np.exp(x[SCALE]) if scaled else 1.0
         told[..., n] = start[n] + scale * away + zero
     of_drives = [e for e in there if e.acts_at < CABLE and not acts_on_state(e, model)]
+    of_drives = [e for e in of_drives if e.at not in machine.winches]
     several = effects.stacked([of_drives] * len(told))
     if not several:
         return told

@@ -29,7 +29,7 @@ def acting(
     """The effects on the state of a model's runs, with what they remember at coordinates `x` of the fit; None
     where there are none. What nothing measures, the past of one of several twins says.
     """
-    several = acting_on_state(there, model)
+    several = acting_on_state(there, model, machine.winches)
     if not several:
         return None
     earlier = None

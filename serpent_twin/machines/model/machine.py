@@ -217,7 +217,7 @@ class ModelMachine(RunMachine):
         with quietly(), np.errstate(all="ignore"):  # what is unstable is said by who asks
             if self.described.about.rows == POSES:
                 return np.array([self._at_rest(point).shown(pieces) for point in points])
-            act = [bool(acting_on_state(effects_at(p), self.described.model)) for p in points]
+            act = [bool(self._on_state(point)) for point in points]
             if len(set(act)) > 1:
                 return np.concatenate([self.respond([p], pieces, timestep) for p in points])
             at_once = len(points) if act[0] or self.described.prescribed else 1
@@ -228,6 +228,11 @@ class ModelMachine(RunMachine):
                     for n in range(0, len(points), at_once)
                 ]
             )
+
+    def _on_state(self, point: ParameterVector) -> list[Effect]:
+        """The effects that act in each time step."""
+        described = self.described
+        return acting_on_state(effects_at(point), described.model, described.winches)
 
     def _at_rest(self, point: ParameterVector) -> TwinAtRest:
         """A twin whose rows are poses at rest."""

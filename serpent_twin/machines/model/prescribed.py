@@ -85,44 +85,56 @@ def _constrain(spec: mujoco.MjSpec, drives: Sequence[DriveColumn], time_constant
 
 
 @dataclass(frozen=True)
-class Effort:
-    """What drives a heavy joint of n runs: what accelerating its weight does not take, and friction."""
+class Efforts:
+    """What drives E heavy joints of n runs: what accelerating their weight does not take, and friction."""
 
-    dof: int
+    dof: list[int]
     inertia: Array
-    """That makes it heavy, (n,)"""
+    """That makes them heavy, (n, E)"""
     dry: Array
-    """[N m or N], (n,)"""
+    """[N m or N], (n, E)"""
     viscous: Array
-    """[N m s/rad or N s/m], (n,)"""
+    """[N m s/rad or N s/m], (n, E)"""
+    torque: Array
+    """Of effects on the joints [N m or N], (n, E)"""
 
     @classmethod
-    def at(cls, models: Sequence[mujoco.MjModel], joint: str) -> "Effort":
-        """That of a joint in runs of some models."""
-        dof = int(models[0].joint(joint).dofadr[0])
-        dry, viscous, own = np.array([model.joint(joint).user[:3] for model in models]).T
+    def at(cls, models: Sequence[mujoco.MjModel], joints: Sequence[str]) -> "Efforts":
+        """Those of some joints in runs of some models."""
+        dof = [int(models[0].joint(name).dofadr[0]) for name in joints]
+        kept = [[model.joint(name).user[:3] for name in joints] for model in models]
+        dry, viscous, own = np.moveaxis(np.reshape(kept, (len(models), len(dof), 3)), -1, 0)
         whole = np.array([model.dof_armature[dof] for model in models])
-        return cls(dof, whole - own, dry, viscous)
+        return cls(dof, whole - own, dry.copy(), viscous, np.zeros_like(dry))
 
     def read(self, batch: Batch) -> Array:
-        """Torques or forces [N m or N], (n,); of dry friction, all in motion and nothing at rest."""
+        """Torques or forces [N m or N], (n, E); of dry friction, all in motion and nothing at rest."""
         fields = ("qfrc_applied", "qacc", "qvel")
         applied, acceleration, speed = (batch.bind(name)[:, self.dof] for name in fields)
         against = self.dry * np.tanh(speed / _STANDING) + self.viscous * speed
-        return applied - self.inertia * acceleration + against
+        return applied - self.torque - self.inertia * acceleration + against
+
+
+NO_EFFORTS = Efforts([], *np.zeros((4, 1, 0)))
+"""Of machines in which nothing says what drives a joint"""
 
 
 class Prescription:
     """Joints and tendons of a batch that follow a known motion, or are held in poses at rest."""
 
     def __init__(
-        self, machine: Described, batch: Batch, motion: "PrescribedSteps | None" = None
+        self,
+        machine: Described,
+        batch: Batch,
+        motion: "PrescribedSteps | None" = None,
+        efforts: Efforts = NO_EFFORTS,
     ) -> None:
-        model, drives = batch.model, machine.prescribed
+        model, drives, self.efforts = batch.model, machine.prescribed, efforts
         self._batch, self._motion = batch, motion
         self._joints = [n for n, each in enumerate(drives) if each.joint]
         self._tendons = [n for n, each in enumerate(drives) if each.tendon]
-        names = [drives[n].joint for n in self._joints]
+        self.joints = names = [drives[n].joint for n in self._joints]
+        """Names of the joints"""
         self._length = [model.tendon(drives[n].tendon).id for n in self._tendons]
         pose, speed = addresses(model, names)
         self._held = self._tendons if motion else [*range(len(drives))]
@@ -135,6 +147,8 @@ class Prescription:
         self._pose, self._speed = (in_a_row(each) if len(each) else each for each in (pose, speed))
         own = np.array([model.joint(name).user[2] for name in names]) if motion else 0.0
         self._inertia = model.dof_armature[speed] - own
+        self.shift = np.zeros((len(self._qpos), len(names)))
+        """By which joints are off the motion, where effects part them from what drives them [rad or m]"""
 
     def hold(self, at: Array) -> None:
         """Constrain to angles and lengths [SI], (n, P)."""
@@ -143,7 +157,7 @@ class Prescription:
 
     def rest(self, at: Array) -> None:
         """Set joints to angles, (n, P), and hold all."""
-        self._qpos[:, self._pose] = at[:, self._joints]
+        self._qpos[:, self._pose] = at[:, self._joints] + self.shift
         self.hold(at)
 
     def tighten(self, at: Array) -> None:
@@ -178,7 +192,7 @@ class Prescription:
         assert self._motion
         if self._joints:
             self._push(self._motion.faster[n])
-            self._qpos[:, self._pose] = self._motion.at[n][:, self._joints]
+            self._qpos[:, self._pose] = self._motion.at[n][:, self._joints] + self.shift
             self._qvel[:, self._speed] = self._motion.older[n][:, self._joints]
         if self._tendons:
             self.hold(self._motion.held(n))

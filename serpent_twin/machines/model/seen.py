@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
 from serpent_twin.machines.model.description import Described, MeasuredColumns
-from serpent_twin.machines.model.prescribed import Effort
+from serpent_twin.machines.model.prescribed import NO_EFFORTS, Efforts
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.residual import FORCE, TORQUE
 from serpent_twin.tables.segments import Segments
@@ -31,7 +31,9 @@ class Seen:
         self, machine: Described, frame: Mapping[str, Any], twins: Sequence[Mapping[str, float]]
     ) -> None:
         self._machine, self._about, self._frame, self._twins = machine, machine.about, frame, twins
-        self._cameras = self._of_cameras()
+        self._cameras, self._driven = self._of_cameras(), list[str]()
+        self.efforts = NO_EFFORTS
+        """What drives the joints of which that is measured"""
         self.of_forces = any(_is_force(machine.model, each) for each in self._about.measured)
         """Whether anything that is measured depends on the forces that act"""
         stages = mujoco.mjtStage
@@ -44,17 +46,15 @@ class Seen:
 
     def bind(self, batch: Batch, models: Sequence[mujoco.MjModel] = ()) -> None:
         """Let the batch keep what is read, before its first step; of the runs' models, where forces drive."""
-        self._efforts = {
-            each.joint: Effort.at(models, each.joint)
-            for each in self._about.measured
-            if models and each.of_effort and each.joint
-        }
+        self._driven = [e.joint for e in self._about.measured if models and e.of_effort and e.joint]
+        self.efforts = Efforts.at(models, self._driven) if self._driven else NO_EFFORTS
         for field in _READ:
             batch.bind(field)
 
     def read(self, batch: Batch) -> Array:
         """What is measured now, (n, C)."""
         model, found = batch.model, []
+        efforts = self.efforts.read(batch) if self._driven else np.zeros((1, 0))
         for each in self._about.measured:
             kind, name = each.of
             if kind == "site":
@@ -64,7 +64,7 @@ class Seen:
                 at = in_frame(batch, model, each.frame, at) if each.frame else at
                 found.append(self._by_cameras(at) if each.cameras else at)
             elif kind == "joint" and each.of_effort:
-                found.append(self._efforts[name].read(batch)[:, None])
+                found.append(efforts[:, [self._driven.index(name)]])
             elif kind == "joint":
                 found.append(batch.bind("qpos")[:, [address(model, name)]].copy())
             elif kind == "tendon" and each.measure in (FORCE, TORQUE):

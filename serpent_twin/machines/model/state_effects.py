@@ -1,6 +1,6 @@
 """Say which effects act on a model's state in each time step, and on which runs."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, name_of
 from serpent_twin.effects.discovered import Discovered
+from serpent_twin.effects.effect import WINDING
 from serpent_twin.effects.law import FORCES, POSITIONS, READING_SHIFT
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import Clocks
@@ -28,9 +29,13 @@ _FOLLOWED_AT_REST = {
 """What laws change of a model at rest, and what they may follow, besides those of commands"""
 
 
-def acting_on_state(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effect]:
-    """The effects that read a model's state in each time step."""
-    return [each for each in there if acts_on_state(each, model) and not each.absent]
+def acting_on_state(
+    there: Sequence[Effect], model: mujoco.MjModel, winches: Collection[str] = ()
+) -> list[Effect]:
+    """The effects that read a model's state in each time step; `winches` are its joints whose motion is
+    prescribed.
+    """
+    return [each for each in there if acts_on_state(each, model, winches) and not each.absent]
 
 
 def acting_at_rest(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effect]:
@@ -58,16 +63,17 @@ def acting_at_rest(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effec
     return several
 
 
-def acts_on_state(effect: Effect, model: mujoco.MjModel) -> bool:
+def acts_on_state(effect: Effect, model: mujoco.MjModel, winches: Collection[str] = ()) -> bool:
     """Whether an effect acts in each time step: one on what an actuator gives does so where that follows from
-    the state.
+    the state, and one between a motor and its winch where the motor's motion is prescribed.
     """
     if not effect.acts() or effect.of_readings:
         return False
-    follows = _TORQUE in effect.needs and any(
-        effect.at in ("", name) for name in state_driven(model)
-    )
-    return follows or effect.acts_at >= CABLE
+    if effect.acts_at >= CABLE:
+        return True
+    winds = effect.acts_at == WINDING and not effect.needs and not isinstance(effect, Discovered)
+    at = state_driven(model) if _TORQUE in effect.needs else winches if winds else ()
+    return any(effect.at in ("", name) for name in at)
 
 
 def state_driven(model: mujoco.MjModel) -> list[str]:

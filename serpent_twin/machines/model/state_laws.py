@@ -1,16 +1,20 @@
 """Let effects act on a model's state in each time step."""
 
+from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from numpy.typing import NDArray
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.springs import Spring, drives_on, single_joints
+from serpent_twin.machines.model.joint_friction import JointFriction
+from serpent_twin.machines.model.prescribed import NO_EFFORTS, Prescription
+from serpent_twin.machines.model.springs import Springs, drives_on, single_joints
 from serpent_twin.machines.model.state_effects import Acting, state_driven
 from serpent_twin.machines.model.state_moment import (
     ACTUATOR,
@@ -18,6 +22,7 @@ from serpent_twin.machines.model.state_moment import (
     JOINT,
     SPRING,
     TENDON,
+    WINCH,
     StateMoment,
 )
 
@@ -32,7 +37,8 @@ class StateLaws:
     """Effects that act on the runs of a batch before each time step, at the places that they name.
 
     `half` says whether rates are half a time step older than poses: those of now are then extrapolated from
-    the last two. `beside` names places at which more may be changed than the effects do.
+    the last two. `beside` names places at which more may be changed than the effects do. `prescribed` are the
+    joints that follow a known motion.
     """
 
     def __init__(
@@ -42,28 +48,30 @@ class StateLaws:
         step: Array,
         half: bool,
         beside: frozenset[str] = frozenset(),
+        prescribed: Prescription | None = None,
     ) -> None:
         model = batch.model
         self._batch, self._acting, self._half, self._dt = batch, acting, half, step[:, None]
         self._several = effects.stacked(acting.several)
         self._first: list[Any] | None = None
-        self._names, springs = _places(
-            model, {name for each in self._several for name in each.things} | beside
-        )
-        self._springs = [Spring(batch, kind, name) for kind, name in springs]
-        stiffness = [each.stiffness for each in self._springs]
-        self._stiffness = np.array(stiffness).reshape(-1, len(step)).T
-        self._limits = np.array([each.limits for each in self._springs]).reshape(-1, 2).T
+        wanted = {name for each in self._several for name in each.things} | beside
+        self._names, springs = _places(model, wanted)
+        self._springs = Springs(batch, springs)
         joints, self._tendons, self._bodies = (
             [of(name).id for name in self._names[kind]]
             for kind, of in ((JOINT, model.joint), (TENDON, model.tendon), (BODY, model.body))
         )
         self._q, self._v = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self._prescribed, self._names[WINCH] = prescribed, []
+        self._winches, self._columns = np.zeros(0, np.intp), list[int]()
+        if prescribed:
+            self._wind(prescribed)
         self._motors = [model.actuator(name).id for name in self._names[ACTUATOR]]
         turned = model.actuator_trnid[self._motors, 0]
         self._turned = (model.jnt_dofadr[turned][:, None] == np.arange(model.nv)).astype(float)
         self._drives = (turned[:, None] == np.array(joints, int)).astype(float)
         self._gear = model.actuator_gear[self._motors, 0]
+        self._all_of = self._of_all(joints)
         self.stage = _RATES if self._bodies else _POSITIONS if self._tendons else _NOTHING
         """What of the state must be known before a time step"""
         bind, expand = batch.bind, batch.expand
@@ -71,15 +79,32 @@ class StateLaws:
         self._applied, self._pushed = bind("qfrc_applied"), bind("xfrc_applied")
         self._force, self._entering = bind("actuator_force"), bind("qfrc_actuator")
         self._load, self._spring_load = bind("qfrc_bias"), bind("qfrc_spring")
-        self._at, self._about, self._moves = bind("xipos"), bind("subtree_com"), bind("cvel")
-        self._turned_to = bind("xmat")
-        self._friction = [
-            (expand(of), which, expand(of)[:, which].copy()) if which else None
-            for of, which in (
-                ("dof_frictionloss", self._v.tolist()),
-                ("tendon_frictionloss", self._tendons),
-            )
-        ]
+        self._at, self._turned_to = bind("xipos"), bind("xmat")
+        self._along = expand("tendon_frictionloss")
+        self._own_along = self._along[:, self._tendons].copy()
+        efforts = prescribed.efforts if prescribed else NO_EFFORTS
+        self._friction = JointFriction(batch, self._v, self._winches.tolist(), efforts)
+
+    def _wind(self, prescribed: Prescription) -> None:
+        """Take the joints that follow a known motion as winches."""
+        names = self._names[JOINT]
+        self._names[WINCH] = [name for name in prescribed.joints if name in names]
+        self._winches = np.array([names.index(name) for name in self._names[WINCH]], np.intp)
+        self._columns = [prescribed.joints.index(name) for name in self._names[WINCH]]
+
+    def _of_all(self, joints: Sequence[int]) -> dict[str, NDArray[np.intp] | slice]:
+        """Which places of each kind an effect without a place is at."""
+        model, trn = self._batch.model, mujoco.mjtTrn
+        on_joints = np.isin(model.actuator_trntype, (trn.mjTRN_JOINT, trn.mjTRN_JOINTINPARENT))
+        driven = set(model.actuator_trnid[on_joints, 0].tolist())
+        of_drives = [k for k, n in enumerate(joints) if n in driven or k in self._winches]
+        others = [k for k in range(len(joints)) if k not in self._winches]
+        geared = np.array(of_drives, np.intp)
+        return {
+            **dict.fromkeys(("gear_friction", "horn_torque"), geared),
+            JOINT: np.array(others, np.intp),
+            SPRING: slice(0, len(self._tendons)),
+        }
 
     def begin(self) -> None:
         """Begin all runs again, with the memories that they had there; the batch's state is lost."""
@@ -93,16 +118,16 @@ class StateLaws:
 
     def first(self) -> StateMoment:
         """A run's first instant, or that of a pose at rest, with the changes of the effects."""
-        self._rate, self._motion = self._qvel.copy(), self._motions()
-        return self._changed(0.0 * self._dt, self._rate, self._motion)
+        self._rate = self._qvel.copy()
+        return self._changed(0.0 * self._dt, self._rate)
 
     def kept(self) -> tuple[Any, ...]:
         """What the next time step depends on beside the batch's state, for `recall`."""
-        return deepcopy((self._memory, self._rate, self._motion))
+        return deepcopy((self._memory, self._rate))
 
     def recall(self, kept: tuple[Any, ...]) -> None:
         """Go back to where `kept` was asked."""
-        self._memory, self._rate, self._motion = deepcopy(kept)
+        self._memory, self._rate = deepcopy(kept)
 
     def lag(self) -> None:
         """Take the batch's rates as those of half a time step before the first."""
@@ -110,20 +135,14 @@ class StateLaws:
 
     def act(self) -> None:
         """Change what acts in the next time step."""
-        rate, motion = self._qvel.copy(), self._motions()
-        ahead = 0.5 if self._half else 0.0
-        now = rate + ahead * (rate - self._rate), motion + ahead * (motion - self._motion)
-        self._rate, self._motion = rate, motion
-        self.write(self._changed(self._dt, *now))
+        rate = self._qvel.copy()
+        now = rate + (0.5 if self._half else 0.0) * (rate - self._rate)
+        self._rate = rate
+        self.write(self._changed(self._dt, now))
 
-    def _motions(self) -> Array:
-        """Of the bodies, as MuJoCo has them, (n, B, 6)."""
-        return self._moves[:, self._bodies]
-
-    def _changed(self, dt: Array, rate: Array, motion: Array) -> StateMoment:
-        moment = self._moment(
-            dt, self._acting.clocks.begun[:, None] + self._clock[:, None], rate, motion
-        )
+    def _changed(self, dt: Array, rate: Array) -> StateMoment:
+        time = self._acting.clocks.begun[:, None] + self._clock[:, None]
+        moment = self._moment(dt, time, rate)
         effects.act(self._several, moment, self._memory)
         return moment
 
@@ -132,8 +151,7 @@ class StateLaws:
         earlier, begun = self._acting.earlier, 0.0 * self._acting.clocks.begun[:, None]
         if earlier is None:
             self._batch.forward(stage=_RATES)
-            moment = self._moment(0.0 * self._dt, begun, self._qvel, self._motions())
-            return effects.begin(self._several, moment)
+            return effects.begin(self._several, self._moment(0.0 * self._dt, begun, self._qvel))
         memory: list[Any] = []
         for k in range(int(earlier.rows.max()) + 1):
             self._qpos[...] = earlier.pose[earlier.session, k]
@@ -142,67 +160,66 @@ class StateLaws:
             self._batch.bind("ctrl")[:, : told.shape[1]] = told
             self._batch.forward(stage=self.stage)
             dt = np.where(k < earlier.rows, earlier.period, 0.0)[:, None]
-            moment = self._moment(dt, k * earlier.period[:, None], self._qvel, self._motions())
+            moment = self._moment(dt, k * earlier.period[:, None], self._qvel)
             memory = memory or effects.begin(self._several, moment)
             effects.act(self._several, moment, memory)
         return memory
 
-    def _moment(self, dt: Array, time: Array, rate: Array, motion: Array) -> StateMoment:
-        """An instant without effects, of rates (n, nv) and motions of bodies (n, B, 6)."""
-        n = len(dt)
-        pulls = np.array([each.state(rate) for each in self._springs]).reshape(-1, 4, n)
-        length, along, free, told = pulls.transpose(1, 2, 0)
-        of_tendons = len(self._tendons)  # which come first among the springs
-        at, moves = self._at[:, self._bodies], motion[..., 3:]
-        if self._bodies:
-            about = self._about[:, self._batch.model.body_rootid[self._bodies]]
-            moves = moves + np.cross(motion[..., :3], at - about)
+    def _moment(self, dt: Array, time: Array, rate: Array) -> StateMoment:
+        """An instant without effects, of rates (n, nv)."""
+        n, springs = len(dt), self._springs
+        free, told = springs.state(rate)
         given = self._force[:, self._motors] * self._gear
         other = self._entering[:, self._v] - given @ self._drives
         other = other + self._load[:, self._v] - self._spring_load[:, self._v]
-        rubs = [each[2] if each else np.zeros((n, 0)) for each in self._friction]
+        other[:, self._winches] *= 2  # whose motion takes all that they carry
+        angle, rates = self._qpos[:, self._q], rate[:, self._v]
+        wound = angle[:, self._winches]
+        shifted = self._prescribed.shift[:, self._columns] if self._prescribed else 0.0
         return StateMoment.of(
             names=self._names,
+            all_of=self._all_of,
             dt=dt,
             time=time,
             prior_runtime=self._acting.clocks.prior_runtime[:, None],
-            joint_angle=self._qpos[:, self._q],
-            joint_velocity=rate[:, self._v],
-            tendon_length=length[:, :of_tendons],
-            tendon_velocity=along[:, :of_tendons],
-            body_position=at,
+            joint_angle=angle,
+            joint_velocity=rates,
+            motor_angle=wound - shifted,
+            motor_velocity=rates[:, self._winches],
+            wound=wound,
+            winches=self._winches,
+            levers=springs.levers()[..., self._v],
+            body_position=self._at[:, self._bodies],
             body_rotation=self._turned_to[:, self._bodies].reshape(n, -1, 3, 3),
-            body_velocity=moves,
             free_stretch=free,
             told_pull=told,
-            limits=self._limits,
+            limits=springs.limits,
             usual_torque=given,
             other_torque=other,
             drives=self._drives,
             drive_torque=given.copy(),
             joint_torque=np.zeros((n, len(self._v))),
-            gear_friction=rubs[0].copy(),
-            tendon_pull=np.zeros((n, len(self._tendons))),
-            tendon_friction=rubs[1].copy(),
-            slack=np.zeros((n, len(self._springs))),
-            stiffness=self._stiffness.copy(),
+            gear_friction=self._friction.friction.copy(),
+            transition_velocity=self._friction.velocity,
+            winch_angle=wound - shifted,
+            tendon_friction=self._own_along.copy(),
+            slack=np.zeros_like(free),
+            stiffness=springs.stiffness.copy(),
             wrench=np.zeros((n, len(self._bodies), 6)),
         )
 
     def write(self, moment: StateMoment) -> None:
         """Write into the batch what the effects have made of an instant."""
-        for each, rubs in zip(
-            self._friction, (moment.gear_friction, moment.tendon_friction), strict=True
-        ):
-            if each:
-                each[0][:, each[1]] = np.maximum(rubs, 0.0)
-        for k, spring in enumerate(self._springs):
-            spring.write(moment.slack[:, k], moment.stiffness[:, k])
+        rubs = moment.gear_friction, moment.transition_velocity
+        self._friction.write(*rubs, moment.joint_torque)
+        self._along[:, self._tendons] = np.maximum(moment.tendon_friction, 0.0)
+        if self._prescribed:
+            turned = moment.winch_angle - moment.motor_angle
+            self._prescribed.shift[:, self._columns] = turned
+        self._springs.write(moment.slack, moment.stiffness)
         self._applied[...] = 0.0
         self._applied[:, self._v] = moment.joint_torque
         self._applied += (moment.drive_torque - moment.usual_torque) @ self._turned
-        for k, tendon in enumerate(self._springs[: len(self._tendons)]):
-            tendon.pull(self._applied, moment.tendon_pull[:, k])
         if self._bodies:
             self._pushed[:, self._bodies] = moment.wrench
 

@@ -2,54 +2,69 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.instant import Instant, force_on
+from serpent_twin.effects.instant import Instant, MomentAtPlace, force_on
 from serpent_twin.effects.law import FORCES, JOINT_FRICTION, POSITIONS
 
 JOINT, TENDON, SPRING, BODY, ACTUATOR = "joint", "tendon", "spring", "body", "actuator"
-"""Kinds of places; what pulls is a spring: tendons, springs of joints and their drives"""
+WINCH = "winch"
+"""Kinds of places; what pulls is a spring: tendons, springs of joints and their drives; a joint whose motion
+is prescribed is a winch
+"""
 
 
 @dataclass
 class StateMoment(Instant):
     """One time step of n runs of a model: J joints, all hinges or slides, L tendons, K springs, B bodies, A
-    actuators of joints.
+    actuators of joints, and P of the joints whose motion is prescribed.
 
     The first block is of the state and cannot be changed. The second is what the model without effects has;
     an effect changes it in place or replaces it.
     """
 
     given: ClassVar[frozenset[str]] = frozenset(
-        {"names", "dt", "time", "prior_runtime", "joint_angle", "joint_velocity", "tendon_length",
-         "tendon_velocity", "body_position", "body_rotation", "body_velocity", "free_stretch", "told_pull",
+        {"names", "all_of", "dt", "time", "prior_runtime", "joint_angle", "joint_velocity", "motor_angle",
+         "motor_velocity", "wound", "winches", "levers", "body_position", "body_rotation", "free_stretch", "told_pull",
          "limits", "usual_torque", "other_torque", "drives"}
     )  # fmt: skip
-    followed: ClassVar[tuple[str, ...]] = ("joint_angle", "joint_velocity", "tension", *POSITIONS)
-    changed: ClassVar[tuple[str, ...]] = ("joint_torque", JOINT_FRICTION, "slack", *FORCES)
+    everywhere: ClassVar[frozenset[str]] = Instant.everywhere | {"presliding", "strands"}
+    followed: ClassVar[tuple[str, ...]] = (
+        *("joint_angle", "joint_velocity", "motor_angle", "motor_velocity", "horn_torque"),
+        *("tension", *POSITIONS),
+    )
+    changed: ClassVar[tuple[str, ...]] = (
+        *("joint_torque", JOINT_FRICTION, "motor_torque", "gear_friction", "winch_angle"),
+        *("slack", *FORCES),
+    )
     held_as: ClassVar[Mapping[str, str]] = {
         JOINT_FRICTION: "gear_friction",
+        "motor_torque": "joint_torque",
         **dict.fromkeys(FORCES, "wrench"),
         **dict.fromkeys(POSITIONS, "body_position"),
     }
     kinds: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(
-            ("joint_angle", "joint_velocity", "joint_torque", "gear_friction", "horn_torque"), JOINT
-        ),
-        **dict.fromkeys(
-            ("tendon_length", "tendon_velocity", "tendon_pull", "tendon_friction"), TENDON
-        ),
+        **dict.fromkeys(("joint_angle", "joint_velocity", "joint_torque", "gear_friction"), JOINT),
+        **dict.fromkeys(("horn_torque", "transition_velocity", "pressed"), JOINT),
+        **dict.fromkeys(("motor_angle", "motor_velocity", "winch_angle"), WINCH),
+        "tendon_friction": TENDON,
         **dict.fromkeys(("drive_torque", "usual_torque"), ACTUATOR),
-        **dict.fromkeys(("body_position", "body_rotation", "body_velocity", "wrench"), BODY),
+        **dict.fromkeys(("body_position", "body_rotation", "wrench"), BODY),
     }
     usual_kind: ClassVar[str] = SPRING
     has_places: ClassVar[bool] = True
 
     names: Mapping[str, Sequence[str]]
     """Of the places of each kind"""
+    all_of: Mapping[str, NDArray[np.intp] | slice]
+    """Which of them an effect without a place is at, by the quantity or its kind: friction of gears at the
+    joints that are driven, other changes of joints at those whose motion is not prescribed, and of springs
+    at tendons
+    """
     dt: Array
     """[s], (n, 1); 0 where memories do not go on"""
     time: Array
@@ -60,16 +75,20 @@ class StateMoment(Instant):
     """Or length [rad or m], (n, J)"""
     joint_velocity: Array
     """[rad/s or m/s], (n, J)"""
-    tendon_length: Array
-    """[m], (n, L)"""
-    tendon_velocity: Array
-    """[m/s], (n, L)"""
+    motor_angle: Array
+    """Of joints whose motion is prescribed, as logged [rad or m], (n, P)"""
+    motor_velocity: Array
+    """[rad/s or m/s], (n, P)"""
+    wound: Array
+    """As the lengths of the tendons have it [rad or m], (n, P)"""
+    winches: NDArray[np.intp]
+    """Which of the joints they are, (P,)"""
+    levers: Array
+    """Change of the tendons' lengths with the joints [m/rad or 1], (n, L, J)"""
     body_position: Array
     """Of the centre of mass in the world [m], (n, B, 3)"""
     body_rotation: Array
     """From the body's frame to the world's, (n, B, 3, 3)"""
-    body_velocity: Array
-    """The same [m/s], (n, B, 3)"""
     free_stretch: Array
     """By which a spring is stretched beyond the rest that it has without effects [m or rad], (n, K)"""
     told_pull: Array
@@ -89,8 +108,10 @@ class StateMoment(Instant):
     """Added to the joints [N m or N], (n, J)"""
     gear_friction: Array
     """Coulomb friction of the joints [N m or N], (n, J)"""
-    tendon_pull: Array
-    """Added to the tendons' tension [N], (n, L)"""
+    transition_velocity: Array
+    """Speed below which that friction is in proportion to the speed [rad/s or m/s], (n, J)"""
+    winch_angle: Array
+    """By which joints whose motion is prescribed move on what hangs on them [rad or m], (n, P)"""
     tendon_friction: Array
     """Coulomb friction along the tendons [N], (n, L)"""
     slack: Array
@@ -99,15 +120,37 @@ class StateMoment(Instant):
     """[N/m or N m/rad], (n, K)"""
     wrench: Array
     """Force and torque on bodies at the centre of mass, in the world [N, N m], (n, B, 6)"""
+    presliding: Array | float = 0.0
+    """Compliance of joints that stick, which is in the torques and frictions above [rad/(N m)], or (n, 1)"""
+
+    @property
+    def joint_friction(self) -> Array:
+        """Coulomb friction of the joints [N m or N], (n, J)."""
+        return self.gear_friction
+
+    @joint_friction.setter
+    def joint_friction(self, friction: Array) -> None:
+        self.gear_friction = friction
+
+    @property
+    def strands(self) -> int:
+        """L."""
+        return self.levers.shape[1]
+
+    def pressed(self, tension: Array) -> Array:
+        """Torque by which tendons of some tensions [N], (n, L), press on joints that they pass [N m], (n, J)."""
+        return np.einsum("nlj,nl->nj", np.abs(self.levers), tension)
 
     @property
     def stretch(self) -> Array:
         """By which a spring is stretched beyond its rest [m or rad]; where it can only pull, never less than
         nothing; (n, K).
         """
-        return np.maximum(
-            self.free_stretch - self.slack, np.where(self.limits[0] < 0, -np.inf, 0.0)
-        )
+        free = self.free_stretch - self.slack
+        turned = (self.winch_angle - self.wound)[..., None]
+        if turned.any():
+            free[:, : self.strands] += (self.levers[..., self.winches] @ turned)[..., 0]
+        return np.maximum(free, np.where(self.limits[0] < 0, -np.inf, 0.0))
 
     @property
     def tension(self) -> Array:
@@ -118,6 +161,17 @@ class StateMoment(Instant):
     def horn_torque(self) -> Array:
         """What the gears of a joint carry: the mean of what enters and of its load [N m or N], (n, J)."""
         return (self.drive_torque @ self.drives + self.other_torque) / 2
+
+    def at(self, place: str) -> MomentAtPlace:
+        """The moment of one thing, or of all that an effect without a place is at."""
+        return MomentAtPlace(self, place)
+
+    def where(self, quantity: str, place: str) -> tuple[Any, ...]:
+        """The index of a place in a quantity; of all that an effect without a place is at."""
+        if place:
+            return super().where(quantity, place)
+        kind = self._kind(self._held(quantity))
+        return slice(None), self.all_of.get(quantity, self.all_of.get(kind, slice(None)))
 
     def position(self, body: int) -> Array:
         """Where a body's centre of mass is in the world [m], (n, 3)."""

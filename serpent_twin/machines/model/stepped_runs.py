@@ -99,10 +99,13 @@ class SteppedRuns:
         self._prescription: Prescription | None = None
         if known:
             motion = PrescribedSteps(known, self.nstep * self._parts, self.step)
-            self._prescription = Prescription(known.machine, self.batch, motion)
+            self._prescription = Prescription(known.machine, self.batch, motion, seen.efforts)
         self._n = 0
         self._switches = Switches(self.batch, driven.off) if driven.off.any() else None
-        self._laws = acting and StateLaws(self.batch, acting, self.step, self.leaps)
+        followed = self._prescription
+        self._laws = acting and StateLaws(
+            self.batch, acting, self.step, self.leaps, prescribed=followed
+        )
 
     def begin(self, start: SegmentStart, state: Array | None = None) -> None:
         """Place all runs at their beginning, joints at angles and rates (S, J, 2), if not at the start's."""
