@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import field
 
 _FORCES = ("actuator_force", "qfrc_actuator")
 """Forces that MuJoCo computes after its control callback: those of the step before"""
@@ -33,11 +34,11 @@ class OneRun:
         """A field of the simulation, to be read."""
         return self._own[field] if field in self._own else getattr(self._data, field)[None]
 
-    def expand(self, field: str) -> Array:
+    def expand(self, name: str) -> Array:
         """A field of the model, to be written; `restore` undoes it."""
-        values = getattr(self.model, field)
-        if field not in self._usual:
-            self._usual[field], self._written[field] = values.copy(), values.copy()
+        values = field(self.model, name)
+        if name not in self._usual:
+            self._usual[name], self._written[name] = values.copy(), values.copy()
         return values[None]
 
     def forward(self, stage: int = 0) -> None:
@@ -61,8 +62,8 @@ class OneRun:
 
     def obey(self) -> None:
         """Let MuJoCo go on with what laws have written: forces, and numbers of the model if they changed."""
-        if any(not np.array_equal(getattr(self.model, n), v) for n, v in self._written.items()):
-            self._written = {name: getattr(self.model, name).copy() for name in self._written}
+        if any(not np.array_equal(field(self.model, n), v) for n, v in self._written.items()):
+            self._written = {name: field(self.model, name).copy() for name in self._written}
             mujoco.mj_fwdPosition(self.model, self._data)
             mujoco.mj_fwdVelocity(self.model, self._data)
         self.push()
@@ -82,6 +83,6 @@ class OneRun:
     def restore(self) -> None:
         """Give the model its numbers back."""
         for name, values in self._usual.items():
-            getattr(self.model, name)[...] = values
+            field(self.model, name)[...] = values
         for name in _ADDED:
             self._own[name][...] = 0.0

@@ -30,10 +30,7 @@ class CableStiffening(Effect):
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Give the strands' springs their second coefficient."""
-        if self.at:
-            cables = [spec.tendon(self.at)]
-        else:
-            cables = list(spec.tendons)
+        cables = [spec.tendon(self.at)] if self.at else list(spec.tendons)
         for cable, stiffens in zip(cables, chosen(self.strand, len(cables)), strict=True):
             if stiffens:
                 cable.stiffness[1] = self.rate * cable.stiffness[0]

@@ -118,7 +118,7 @@ class Effect:
     """When in a time step it acts."""
     law: ClassVar[str] = ""
     """What of the moment its first parameter adds to, times a form of a reading that may have the second, as
-    `gear_friction: near_rest joint_velocity`: such an effect has no `act` of its own."""
+    `joint_friction: near_rest joint_velocity`: such an effect has no `act` of its own."""
     needs: ClassVar[frozenset[str]] = frozenset()
     """Names of quantities of the moment that it acts on and not every machine has."""
 
@@ -164,6 +164,11 @@ class Effect:
         return False
 
     @property
+    def sites_later(self) -> float:
+        """By how long what sites show in a row is later than what drives the machine there [s]."""
+        return 0.0
+
+    @property
     def acts_at(self) -> int:
         """The stage at which it acts: that of its kind, unless what it changes is stated by its place."""
         return self.stage
@@ -178,7 +183,7 @@ class Effect:
         for name, known in ranges(type(self)).items():
             if known.adds_to:
                 add_to(spec, known.adds_to, self.at, getattr(self, name))
-        if self.at and self.law.startswith("gear_friction"):
+        if self.at and self.law.startswith(("gear_friction", "joint_friction")):
             let_hold(spec, self.at)
 
     def export(self, spec: mujoco.MjSpec) -> bool:

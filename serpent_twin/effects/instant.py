@@ -1,6 +1,7 @@
 """Define what effects and laws do with one time step of runs: read it, and change what is used of it."""
 
 from collections.abc import Mapping, Sequence
+from types import MethodType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -108,8 +109,8 @@ class Instant:
         raise NotImplementedError
 
     def at(self, place: str) -> Any:
-        """The moment of one thing alone, arrays (n, 1), or of all that an effect without a place is at; raises
-        a `SerpentError` where effects have no place.
+        """The moment of one thing alone, arrays (n, 1), or of all that an effect without a place is at;
+        raises a `SerpentError` where effects have no place.
         """
         if not place:
             return self
@@ -148,7 +149,9 @@ def _read_only(array: Array) -> Array:
 
 
 class MomentAtPlace:
-    """A moment at one place, or at all of an effect: its arrays are (n, 1, …), and what is written here is written there."""
+    """A moment at one place, or at all places of an effect: its arrays are (n, 1, …) or (n, places, …), and
+    what is written here is written there.
+    """
 
     def __init__(self, whole: Instant, place: str) -> None:
         self.__dict__.update(whole=whole, place=place)
@@ -157,13 +160,15 @@ class MomentAtPlace:
         """What the whole has at the place."""
         whole = self.__dict__["whole"]
         try:
-            value = getattr(whole, name)
+            value: Any = getattr(whole, name)
         except AttributeError as error:
             raise AttributeError(str(error), name=name, obj=self) from error
         if name in whole.everywhere:
             return value
         where = whole.where(name, self.place)
-        return (lambda *given: value(*given)[where]) if callable(value) else value[where]
+        if not isinstance(value, MethodType):
+            return value[where]
+        return lambda *given: value(*given)[where]
 
     def __setattr__(self, name: str, value: Array) -> None:
         if name in self.whole.everywhere:

@@ -24,6 +24,11 @@ class MocapLatency(Effect):
     shows_in = "error in proportion to the markers' speed, in no load"
     confused_with = ("gear_backlash", "motor_latency")
 
+    @property
+    def sites_later(self) -> float:
+        """The markers are older."""
+        return -self.delay
+
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Delay the marker sensors."""
         longest = ranges(type(self))["delay"].high

@@ -86,7 +86,7 @@ class Stribeck(Effect):
     places = ("joint",)
     confused_with = ("gear_friction", "hinge_friction")
     stage = LOSS
-    law = "gear_friction: near_rest joint_velocity"
+    law = "joint_friction: near_rest joint_velocity"
 
 
 @dataclass(frozen=True)
@@ -153,3 +153,8 @@ class MotorLatency(Effect):
     shows_in = "markers that lead by their speed times the delay, in no load"
     confused_with = ("gear_backlash", "mocap_latency")
     law = "reading_age: constant time"
+
+    @property
+    def sites_later(self) -> float:
+        """The angles that drive a twin are older."""
+        return self.delay

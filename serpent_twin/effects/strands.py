@@ -59,9 +59,9 @@ class OnStrands(Effect):
 
 
 def chosen(strand: Array | float, strands: int) -> NDArray[np.bool_]:
-    """Which of a machine's strands are meant, (…, strands), by numbers of any shape, (…, 1): −1 for all, those
-    from 0 for one, in the model's order, and those after the last for two that follow each other, which are
-    the loop of a cable; raises a `SerpentError` where there is no such strand.
+    """Which of a machine's strands are meant, (…, strands), by numbers (…, 1): −1 for all, from 0 on for one
+    in the model's order, and after the last for two that follow each other, the loop of a cable; raises a
+    `SerpentError` where there is no such strand.
     """
     which, each = np.asarray(strand), np.arange(strands)
     if (beyond := which >= strands + (strands + 1) // 2).any():

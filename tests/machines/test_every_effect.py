@@ -275,14 +275,14 @@ def test_what_bristles_hold_counts_as_a_pose_that_is_off_by_their_deflection():
 def rubbed(speed, **given):
     """The friction that a hinge has at speeds [rad/s]."""
     rows, none = np.reshape(speed, (-1, 1)), np.zeros((np.size(speed), 1))
-    moment = SimpleNamespace(**{"joint_velocity": rows, "gear_friction": none} | given)
+    moment = SimpleNamespace(**{"joint_velocity": rows, "joint_friction": none} | given)
     KNOWN["stribeck"](0.04, 0.2).act(moment, None)
-    return moment.gear_friction[:, 0]
+    return moment.joint_friction[:, 0]
 
 
 def test_stribeck_falls_with_speed_by_bo_and_pavelescu():
     """F_c + F exp(−|q̇| / v), either way, from F_c + F at rest to F_c."""
     speed = np.array([-50.0, -0.4, -0.1, 0.0, 0.1, 0.2, 50.0])
-    friction = rubbed(speed, gear_friction=np.full((7, 1), 0.03))
+    friction = rubbed(speed, joint_friction=np.full((7, 1), 0.03))
     assert_allclose(friction, 0.03 + 0.04 * np.exp(-np.abs(speed) / 0.2), rtol=1e-12)
     assert friction.max() == friction[3] == pytest.approx(0.07)

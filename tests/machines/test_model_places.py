@@ -159,8 +159,9 @@ def test_places_are_told_by_name_and_unit(arm):
     ("at", "says"),
     [
         ("joint_torque of wrist: constant", "no hinge, slide, tendon, body or drive of a joint 'wrist'"),
-        ("winch_angle of elbow: constant", "no law changes winch_angle here; there are: joint_torque"),
-        ("joint_torque of elbow: linear horn_torque of elbow", "no law follows the horn torque of elbow"),
+        ("marker_shift of elbow: constant", "no law changes marker_shift here; there are: joint_torque"),
+        ("winch_angle of elbow: constant", "needs winch_angle of a winch, and 'elbow' is none"),
+        ("joint_torque of elbow: linear motor_angle of elbow", "needs motor_angle of a winch, and 'elbow'"),
     ],
 )  # fmt: skip
 def test_what_a_model_lacks_is_refused(arm, at, says):

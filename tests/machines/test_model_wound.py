@@ -133,7 +133,11 @@ def test_between_rows_a_motion_takes_up_its_velocity(winch):
     rig, _, _ = winch
     _, at, speed, between = motion(rows=12)
     known = KnownMotion(
-        rig.described, at[None, :, None], PERIOD * speed[None, :, None], np.array([LAGS / PERIOD])
+        rig.described,
+        at[None, :, None],
+        PERIOD * speed[None, :, None],
+        np.array([LAGS / PERIOD]),
+        np.zeros(1),
     )
     times = np.linspace(0, 10.9, 57)
     expected = [between(PERIOD * t) for t in times]

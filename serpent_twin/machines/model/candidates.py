@@ -17,6 +17,7 @@ from serpent_twin.machines.model.candidates_in_motion import (
     rubbing_tendons,
     stiffening_tendons,
 )
+from serpent_twin.machines.model.candidates_of_all import of_all
 from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
 from serpent_twin.machines.model.rubbing import rubbing
 from serpent_twin.machines.model.sizes import (
@@ -30,7 +31,7 @@ from serpent_twin.machines.model.sizes import (
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.state_effects import state_driven
-from serpent_twin.machines.model.things import OBJECTS, acts_on, names
+from serpent_twin.machines.model.things import OBJECTS, acts_on, names, winding
 from serpent_twin.tables.log import Log
 
 _STILL = 1e-6
@@ -72,8 +73,10 @@ def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candida
         found += _saturated(machine, training, of)
         found += _weak(machine, of)
         found += laws_of_state(machine, training, of)
+        found += of_all(machine, found)
     else:
         found += rubbing(machine)
+    found += of_all(machine, [_placed(machine, each) for each in found])
     found = _wanted(machine, [*found, *_bodies(machine, of)])
     return {each.name: _confused(_placed(machine, each), found) for each in found}
 
@@ -127,6 +130,7 @@ def _confused(one: Candidate, several: Sequence[Candidate]) -> Candidate:
 def _play(machine: Described, training: Sequence[Log]) -> Iterator[Candidate]:
     """Play of all drives that set a position alike, and of each."""
     drives = [d for d in machine.commanded if machine.is_servo(d.actuator)]
+    drives += [d for d in machine.prescribed if d.joint in winding(machine.model)]
     if not drives:
         return
     told = np.concatenate(
@@ -145,8 +149,12 @@ def _play(machine: Described, training: Sequence[Log]) -> Iterator[Candidate]:
     for each, of in zip(drives, span.tolist(), strict=True):
         if not of:
             continue
-        yield play(f"gear_backlash@{each.actuator}", of, each)
-        if machine.about.rows == MOTION and acts_on(machine.model, each.actuator)[0] == "joint":
+        yield play(f"gear_backlash@{each.of[1]}", of, each)
+        if (
+            each.actuator
+            and machine.about.rows == MOTION
+            and acts_on(machine.model, each.actuator)[0] == "joint"
+        ):
             yield play(f"free_play@{each.actuator}", of, each)
 
 
@@ -156,6 +164,8 @@ def _joints(machine: Described, of: Sizes) -> Iterator[Candidate]:
     driven = [acts_on(model, each.actuator) for each in machine.commanded]
     for n in single_joints(model).tolist():
         name, dof = model.joint(n).name, model.jnt_dofadr[n]
+        if name in machine.efforts:
+            yield candidate(f"gear_friction@{name}")
         if name in ("", *held):
             continue
         stiffness, turn, force, rate = (

@@ -50,7 +50,9 @@ def laws_of_state(machine: Described, training: Sequence[Log], of: Sizes) -> Ite
     and clamps that slip; creep of tendons and of drives; and what softens.
     """
     model = machine.model
+    held = {each.joint for each in machine.prescribed} - {*machine.efforts}
     joints = {name: n for n in single_joints(model) if (name := model.joint(int(n)).name)}
+    joints = {name: n for name, n in joints.items() if name not in held}
     force, rate = (
         {name: float(each[model.jnt_dofadr[n]]) for name, n in joints.items()}
         for each in (of.force, of.rate)

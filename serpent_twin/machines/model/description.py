@@ -313,6 +313,11 @@ class Described:
         return [each.joint for each in self.prescribed if each.joint and moves]
 
     @property
+    def efforts(self) -> dict[str, MeasuredColumns]:
+        """What is measured of the torque or force that drives a joint whose motion is known, by the joint."""
+        return {each.joint: each for each in self.about.measured if each.joint in self.winches}
+
+    @property
     def read_joints(self) -> dict[str, str]:
         """The column of each joint whose motion is prescribed, or whose angle or length is measured."""
         columns = {each.joint: each.column for each in self.prescribed if each.joint}

@@ -19,7 +19,7 @@ from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.filters import filtered, only_filters
 from serpent_twin.machines.model.full_states import FullStates
 from serpent_twin.machines.model.known import Factor, by_known_numbers
-from serpent_twin.machines.model.known_motion import known_motion
+from serpent_twin.machines.model.known_motion import KnownMotion, known_motion
 from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.replay import FollowedSessions, MeasuredJoints, followed
@@ -62,6 +62,17 @@ class MovingTwin:
         coordinates = [self.x.get(name, 0.0) for name in drives]
         return self.told.of((*coordinates, *on_drives), pieces, made)
 
+    @property
+    def sites_later(self) -> float:
+        """By how long what sites show in a row is later than what drives the machine there [s]."""
+        return sum(each.sites_later for each in self.there)
+
+    def _known(self, pieces: Segments) -> KnownMotion | None:
+        """The prescribed motion."""
+        known = known_motion(self.machine, self.x, pieces)
+        age = sum(max(each.sites_later, 0.0) for each in self.there)
+        return known.read_late(age / pieces.period) if known and age else known
+
     def driven(self, pieces: Segments) -> DrivenRuns:
         """The models of its runs, which may state numbers of their own, and what drives them."""
         models: list[Any] = [None] * len(pieces)
@@ -74,7 +85,7 @@ class MovingTwin:
             self._controls(pieces),
             switched_off(self.machine, pieces),
             pieces.period,
-            known_motion(self.machine, self.x, pieces),
+            self._known(pieces),
         )
 
 
@@ -134,7 +145,8 @@ class TwinsInMotion:
         driven = DrivenRuns.together(each) if len(each) > 1 else each[0]
         seen = Seen(machine, self.frame, [twin.x for twin in twins])
         act = together(laws) if laws else None
-        return DrivenMotion(driven, at, seen, gain, self.steps, read, act)
+        later = np.repeat([twin.sites_later for twin in twins], len(pieces))
+        return DrivenMotion(driven, at, seen, gain, self.steps, read, act, later)
 
     def _replays(self, model: mujoco.MjModel) -> bool:
         """Whether a state holds more than what is measured or prescribed."""

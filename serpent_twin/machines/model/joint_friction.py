@@ -37,7 +37,7 @@ class JointFriction:
         """Below which it is in proportion to the speed [rad/s or m/s], (n, J)"""
 
     def write(self, friction: Array, velocity: Array, torque: Array) -> None:
-        """Set friction, transition velocities, where they changed, and the torques on winches, (n, J) each."""
+        """Set friction, transition velocities where they changed, and torques on winches, (n, J) each."""
         friction = np.maximum(friction, 0.0)
         free, dofs = self._free, self._dofs[self._free]
         self._loss[:, dofs] = friction[:, free]

@@ -31,13 +31,20 @@ class KnownMotion:
     """Their change per row, (S, T, P); zeros for poses"""
     lag: Array
     """Of those that take up a velocity after each row [rows], (S,)"""
+    dead: Array
+    """Time after each row in which these go on as before [rows], (S,)"""
 
     @staticmethod
     def together(several: Sequence["KnownMotion"]) -> "KnownMotion":
         """The motion of the runs of some twins, one twin after the other."""
-        names = ("at", "rate", "lag")
+        names = ("at", "rate", "lag", "dead")
         each = (np.concatenate([getattr(one, n) for one in several]) for n in names)
         return KnownMotion(several[0].machine, *each)
+
+    def read_late(self, age: Array) -> "KnownMotion":
+        """The motion as its rows show it so late [rows], (S,): so much of the lag in logs is dead time."""
+        dead = np.minimum(age, self.lag)
+        return replace(self, lag=self.lag - dead, dead=dead)
 
     def path(self, times: Array) -> Array:
         """Angles and lengths at times [rows], (S, N, P); before the first row, as its rate says."""
@@ -46,14 +53,13 @@ class KnownMotion:
         if by_velocity:
             rows = np.clip(times.astype(int), 0, self.at.shape[1] - 2)
             since = np.where(times < 0, 0.0, times - rows)[:, None]
-            at, old, lag = (
-                self.at[..., by_velocity],
-                self.rate[..., by_velocity],
-                self.lag[:, None, None],
-            )
-            taken = lag * (1 - _faded(1.0, lag))
-            new = (np.diff(at, axis=1) - old[:, :-1] * taken) / (1 - taken)
-            old, new, begun = old[:, rows], new[:, rows], at[:, rows]
+            at, old = self.at[..., by_velocity], self.rate[..., by_velocity]
+            lag, dead = self.lag[:, None, None], self.dead[:, None, None]
+            taken = lag * (1 - _faded(1.0 - dead, lag))
+            new = (np.diff(at, axis=1) - old[:, :-1] * (dead + taken)) / (1 - dead - taken)
+            old, new = old[:, rows], new[:, rows]
+            begun = at[:, rows] + old * np.minimum(since, dead)
+            since = np.maximum(since - dead, 0.0)
             faded = lag * (1 - _faded(since, lag))
             found = begun + new * since + (old - new) * faded
             spline[..., by_velocity] = found + np.minimum(times, 0.0)[:, None] * old
@@ -128,4 +134,5 @@ def known_motion(
         usual = np.zeros_like(told)
         rate.append(scale * pieces.column.get(rate_column(each.column), usual))
     lag = pieces.column[LAG][:, 0] if LAG in pieces.column else np.zeros(len(pieces))
-    return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1), lag)
+    none = np.zeros(len(pieces))
+    return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1), lag, none)

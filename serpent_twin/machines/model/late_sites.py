@@ -1,30 +1,31 @@
-"""Read sites so long before or after the rows of a log, where cameras are late, or what drives a machine is."""
+"""Read sites before or after the rows of a log, where cameras are late, or what drives a machine is."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 
 
 class LateSites:
     """What is seen of n runs at times that differ from those of their rows, on straight lines between time
-    steps; rows that have none such in the run keep their own.
+    steps, and beyond the last; before the first, all is at rest.
     """
 
-    def __init__(self, ahead: Array, step: Array, steps: int) -> None:
-        """Of rows of so many time steps [s], (n,), at times after these [s], (n,)."""
-        due = ahead / step
-        self._first = np.floor(due).astype(int)
-        self._share, self._steps = due - self._first, steps
-        self._found: dict[int, list[Array]] = {}
+    def __init__(self, later: Array, step: Array, steps: int) -> None:
+        """At times [s] after those of the rows, (n,), which are so many time steps [s], (n,), apart."""
+        self._due = later / step
+        self._first = np.floor(self._due).astype(int)
+        self._steps, self._found = steps, dict[int, list[Array]]()
 
-    def due(self, step: int) -> bool:
-        """Whether anything is to be seen after so many time steps."""
-        return bool((((step - self._first) % self._steps) < 2).any())
+    def wants(self, step: int) -> bool:
+        """Whether what is seen after so many time steps counts."""
+        between = (step - self._first) % self._steps
+        return bool((between < 2).any() or (step + 1) % self._steps == 0)
 
     def passes(self, step: int, shown: Array) -> None:
         """Take what is seen after so many time steps, (n, C)."""
-        parts = (self._first, 1 - self._share), (self._first + 1, self._share)
-        for first, weight in parts:
+        self._before, share = shown, self._due - self._first
+        for first, weight in ((self._first, 1 - share), (self._first + 1, share)):
             row, between = np.divmod(step - first, self._steps)
             for n in np.flatnonzero(between == 0):
                 none = [np.zeros(len(row)), np.zeros_like(shown)]
@@ -32,11 +33,16 @@ class LateSites:
                 whole[n] += weight[n]
                 sums[n] += weight[n] * shown[n]
 
-    def put(self, shown: Array, sites: Array) -> Array:
+    def put(self, shown: Array, sites: NDArray[np.intp]) -> Array:
         """What is seen in each row, (n, T, C), with some columns at their own times."""
-        out = shown.copy()
-        for row, (whole, sums) in self._found.items():
-            seen = np.flatnonzero(whole > 1 - 1e-9)
-            if 0 <= row < shown.shape[1]:
-                out[np.ix_(seen, [row], sites)] = sums[np.ix_(seen, sites)][:, None]
+        out, last = shown.copy(), shown.shape[1] - 1
+        for row in range(last + 1):
+            whole, sums = self._found.get(row, [np.zeros(len(out)), out[:, row]])
+            beyond = (row - last) * self._steps + self._due
+            rate = shown[:, last] - self._before
+            then = shown[:, last] + beyond[:, None] * rate
+            seen = np.where(
+                whole[:, None] > 1 - 1e-9, sums, np.where(beyond[:, None] > 0, then, out[:, row])
+            )
+            out[:, row, sites] = seen[:, sites]
         return out

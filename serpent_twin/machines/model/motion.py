@@ -40,15 +40,21 @@ class DrivenMotion:
     """What sensors make of angles, (n, LEAD, J)"""
     acting: Acting | None = None
     """Effects on the state in each time step"""
+    sites_later: Array | float = 0.0
+    """By how long what sites show in a row is later than what drives the runs there [s], (n,)"""
 
     def moved(self) -> tuple[Array, Array]:
         """What is seen of the runs in each row, (n, T, C), and their poses, (n, T, nq)."""
         runs = self._begun()
+        if late := np.any(self.sites_later) and self.driven.rows > 1:
+            runs.see_later(np.asarray(self.sites_later))
         pose = runs.batch.bind("qpos")
-        rows = [(self.seen.read(runs.batch), pose.copy())]
+        rows = [(runs.read(), pose.copy())]
         rows += [(each, pose.copy()) for each in runs.rows(self.driven.rows - 1)]
-        found, poses = zip(*rows, strict=True)
-        return np.stack(found, axis=1), np.stack(poses, axis=1)
+        found, poses = (np.stack(each, axis=1) for each in zip(*rows, strict=True))
+        if late and runs.late:
+            found = runs.late.put(found, self.seen.sites)
+        return found, poses
 
     def states(self) -> "RowStates":
         """The states in which the runs are seen."""

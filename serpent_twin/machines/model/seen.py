@@ -6,11 +6,13 @@ from typing import Any
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
 from serpent_twin.machines.model.description import Described, MeasuredColumns
+from serpent_twin.machines.model.misread import Views
 from serpent_twin.machines.model.prescribed import NO_EFFORTS, Efforts
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.residual import FORCE, TORQUE
@@ -39,6 +41,16 @@ class Seen:
         stages = mujoco.mjtStage
         self.stage = int(stages.mjSTAGE_ACC if self.of_forces else stages.mjSTAGE_VEL)
         """What MuJoCo must compute of a row before it is read"""
+
+    def views(self, batch: Batch) -> Views:
+        """How laws change what is seen."""
+        return Views(self._machine, batch)
+
+    @property
+    def sites(self) -> NDArray[np.intp]:
+        """Which channels are of sites."""
+        each = [bool(one.site) for one in self._about.measured for _ in one.columns]
+        return np.flatnonzero(each)
 
     def repeated(self, times: int) -> "Seen":
         """The same runs several times, one after the other, of one twin."""

@@ -46,6 +46,23 @@ class Sizes:
 
 
 def sizes(machine: Described, training: Sequence[Log]) -> Sizes:
+    """Typical values along the logs; of joints whose motion is prescribed as logged, if their torque is."""
+    found = _of_model(machine, training)
+    for drive in machine.prescribed:
+        if not (of := machine.efforts.get(drive.joint)):
+            continue
+        dof = machine.model.joint(drive.joint).dofadr[0]
+        angle, effort = (
+            [run.columns[n] for run in training] for n in (drive.column, of.columns[0])
+        )
+        rate = [np.gradient(a, run.time) for a, run in zip(angle, training, strict=True)]
+        each = (effort, found.force), (rate, found.rate), (angle, found.turn)
+        for several, values in each:
+            values[dof] = max(np.sqrt(np.nanmean(np.concatenate(several) ** 2)), _STILL)
+    return found
+
+
+def _of_model(machine: Described, training: Sequence[Log]) -> Sizes:
     """Of the nominal model along the logs: as measured, where all joints are, else as it moves by itself, as
     accelerations by where sites are would be noise; of poses, where the search for them begins.
     """

@@ -168,12 +168,15 @@ def _drives(model: mujoco.MjModel, kind: str, name: str) -> list[int]:
     return [model.actuator(name).id] if kind == "drive" else []
 
 
-def _passed(model: mujoco.MjModel, tendons: Sequence[int]) -> tuple[Array, tuple[Array, Array]]:
+def _passed(
+    model: mujoco.MjModel, tendons: Sequence[int]
+) -> tuple[NDArray[np.intp], tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Where the levers of tendons are in MuJoCo's Jacobian, and of which tendon and degree of freedom."""
     firsts, counts = model.ten_J_rowadr[tendons], model.ten_J_rownnz[tendons]
     spans = [np.arange(n, n + count) for n, count in zip(firsts, counts, strict=True)]
     entries = np.concatenate([np.zeros(0, np.intp), *spans]).astype(np.intp)
-    return entries, (np.repeat(np.arange(len(tendons)), counts), model.ten_J_colind[entries])
+    of = np.repeat(np.arange(len(tendons), dtype=np.intp), counts)
+    return entries, (of, model.ten_J_colind[entries].astype(np.intp))
 
 
 def _kept(batch: Batch, field: str, which: list[int], k: list[int]) -> _Kept:

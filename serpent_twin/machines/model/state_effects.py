@@ -67,7 +67,7 @@ def acts_on_state(effect: Effect, model: mujoco.MjModel, winches: Collection[str
     """Whether an effect acts in each time step: one on what an actuator gives does so where that follows from
     the state, and one between a motor and its winch where the motor's motion is prescribed.
     """
-    if not effect.acts() or effect.of_readings:
+    if not effect.acts() or effect.of_readings or (effect.sites_later and winches):
         return False
     if effect.acts_at >= CABLE:
         return True

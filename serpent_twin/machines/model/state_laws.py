@@ -13,17 +13,20 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.joint_friction import JointFriction
+from serpent_twin.machines.model.misread import SeenMoment, Views, only_seen
 from serpent_twin.machines.model.prescribed import NO_EFFORTS, Prescription
 from serpent_twin.machines.model.springs import Springs, drives_on, single_joints
 from serpent_twin.machines.model.state_effects import Acting, state_driven
 from serpent_twin.machines.model.state_moment import (
     ACTUATOR,
     BODY,
+    FRAME,
     JOINT,
     SPRING,
     TENDON,
     WINCH,
     StateMoment,
+    fixed,
 )
 
 _NOTHING, _POSITIONS, _RATES = (
@@ -52,9 +55,13 @@ class StateLaws:
     ) -> None:
         model = batch.model
         self._batch, self._acting, self._half, self._dt = batch, acting, half, step[:, None]
-        self._several = effects.stacked(acting.several)
+        several = effects.stacked(acting.several)
+        self._several = [each for each in several if not only_seen(each)]
+        self.seen = [each for each in several if only_seen(each)]
+        """Effects that change what is seen in rows alone"""
         self._first: list[Any] | None = None
         wanted = {name for each in self._several for name in each.things} | beside
+        wanted |= {each.law.where for each in self.seen if each.law.follows_a_thing}
         self._names, springs = _places(model, wanted)
         self._springs = Springs(batch, springs)
         joints, self._tendons, self._bodies = (
@@ -76,6 +83,8 @@ class StateLaws:
         """What of the state must be known before a time step"""
         bind, expand = batch.bind, batch.expand
         self._qpos, self._qvel, self._clock = bind("qpos"), bind("qvel"), bind("time")
+        self._gravity = expand("opt.gravity")
+        self._weighs = self._gravity.copy()
         self._applied, self._pushed = bind("qfrc_applied"), bind("xfrc_applied")
         self._force, self._entering = bind("actuator_force"), bind("qfrc_actuator")
         self._load, self._spring_load = bind("qfrc_bias"), bind("qfrc_spring")
@@ -118,7 +127,10 @@ class StateLaws:
 
     def first(self) -> StateMoment:
         """A run's first instant, or that of a pose at rest, with the changes of the effects."""
-        self._rate = self._qvel.copy()
+        self._rate, self._row = self._qvel.copy(), self._clock.copy()
+        if self.seen:
+            moment = self._moment(0.0 * self._dt, self._time, self._rate)
+            self._shows = effects.begin(self.seen, moment)
         return self._changed(0.0 * self._dt, self._rate)
 
     def kept(self) -> tuple[Any, ...]:
@@ -141,10 +153,23 @@ class StateLaws:
         self.write(self._changed(self._dt, now))
 
     def _changed(self, dt: Array, rate: Array) -> StateMoment:
-        time = self._acting.clocks.begun[:, None] + self._clock[:, None]
-        moment = self._moment(dt, time, rate)
+        moment = self._moment(dt, self._time, rate)
         effects.act(self._several, moment, self._memory)
         return moment
+
+    @property
+    def _time(self) -> Array:
+        """Since the sessions began [s], (n, 1)."""
+        return self._acting.clocks.begun[:, None] + self._clock[:, None]
+
+    def misread(self, shown: Array, views: Views) -> Array:
+        """What is seen in a row in place of what is there, (n, C)."""
+        dt, self._row = (self._clock - self._row)[:, None], self._clock.copy()
+        names, shift = {**self._names, **views.names}, np.zeros_like(shown)
+        state = self._state(dt, self._time, self._qvel)
+        moment = SeenMoment.of(**state | {"names": names}, views=views, shown=shown, shift=shift)
+        effects.act(self.seen, moment, self._shows)
+        return shown + moment.shift
 
     def _remembered(self) -> list[Any]:
         """The memories of all runs where they begin, from what was measured before."""
@@ -167,6 +192,10 @@ class StateLaws:
 
     def _moment(self, dt: Array, time: Array, rate: Array) -> StateMoment:
         """An instant without effects, of rates (n, nv)."""
+        return StateMoment.of(**self._state(dt, time, rate))
+
+    def _state(self, dt: Array, time: Array, rate: Array) -> dict[str, Any]:
+        """All that is in an instant without effects."""
         n, springs = len(dt), self._springs
         free, told = springs.state(rate)
         given = self._force[:, self._motors] * self._gear
@@ -176,37 +205,38 @@ class StateLaws:
         angle, rates = self._qpos[:, self._q], rate[:, self._v]
         wound = angle[:, self._winches]
         shifted = self._prescribed.shift[:, self._columns] if self._prescribed else 0.0
-        return StateMoment.of(
-            names=self._names,
-            all_of=self._all_of,
-            dt=dt,
-            time=time,
-            prior_runtime=self._acting.clocks.prior_runtime[:, None],
-            joint_angle=angle,
-            joint_velocity=rates,
-            motor_angle=wound - shifted,
-            motor_velocity=rates[:, self._winches],
-            wound=wound,
-            winches=self._winches,
-            levers=springs.levers()[..., self._v],
-            body_position=self._at[:, self._bodies],
-            body_rotation=self._turned_to[:, self._bodies].reshape(n, -1, 3, 3),
-            free_stretch=free,
-            told_pull=told,
-            limits=springs.limits,
-            usual_torque=given,
-            other_torque=other,
-            drives=self._drives,
-            drive_torque=given.copy(),
-            joint_torque=np.zeros((n, len(self._v))),
-            gear_friction=self._friction.friction.copy(),
-            transition_velocity=self._friction.velocity,
-            winch_angle=wound - shifted,
-            tendon_friction=self._own_along.copy(),
-            slack=np.zeros_like(free),
-            stiffness=springs.stiffness.copy(),
-            wrench=np.zeros((n, len(self._bodies), 6)),
-        )
+        return {
+            "names": self._names,
+            "all_of": self._all_of,
+            "dt": dt,
+            "time": time,
+            "prior_runtime": self._acting.clocks.prior_runtime[:, None],
+            "joint_angle": angle,
+            "joint_velocity": rates,
+            "motor_angle": wound - shifted,
+            "motor_velocity": rates[:, self._winches],
+            "wound": wound,
+            "winches": self._winches,
+            "levers": springs.levers()[..., self._v],
+            "body_position": self._at[:, self._bodies],
+            "body_rotation": self._turned_to[:, self._bodies].reshape(n, -1, 3, 3),
+            "free_stretch": free,
+            "told_pull": told,
+            "limits": springs.limits,
+            "usual_torque": given,
+            "other_torque": other,
+            "drives": self._drives,
+            "drive_torque": given.copy(),
+            "joint_torque": np.zeros((n, len(self._v))),
+            "gear_friction": self._friction.friction.copy(),
+            "transition_velocity": self._friction.velocity,
+            "winch_angle": wound - shifted,
+            "tendon_friction": self._own_along.copy(),
+            "slack": np.zeros_like(free),
+            "stiffness": springs.stiffness.copy(),
+            "wrench": np.zeros((n, len(self._bodies), 6)),
+            "acceleration": np.zeros((n, 3)),
+        }
 
     def write(self, moment: StateMoment) -> None:
         """Write into the batch what the effects have made of an instant."""
@@ -217,6 +247,7 @@ class StateLaws:
             turned = moment.winch_angle - moment.motor_angle
             self._prescribed.shift[:, self._columns] = turned
         self._springs.write(moment.slack, moment.stiffness)
+        self._gravity[...] = self._weighs - moment.acceleration
         self._applied[...] = 0.0
         self._applied[:, self._v] = moment.joint_torque
         self._applied += (moment.drive_torque - moment.usual_torque) @ self._turned
@@ -254,7 +285,14 @@ def _places(
     first = dict.fromkeys(name for _, name in springs)
     springs = [next(each for each in springs if each[1] == name) for name in first]
     motors = [name for name in state_driven(model) if name in wanted or "" in wanted]
-    names = {JOINT: joints, TENDON: tendons, BODY: bodies, SPRING: [*first], ACTUATOR: motors}
+    names = {
+        FRAME: fixed(model),
+        JOINT: joints,
+        TENDON: tendons,
+        BODY: bodies,
+        SPRING: [*first],
+        ACTUATOR: motors,
+    }
     there = {name for several in names.values() for name in several}
     if lacking := sorted(wanted - there - {""}):
         raise SerpentError(

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,9 +13,9 @@ from serpent_twin.effects.instant import Instant, MomentAtPlace, force_on
 from serpent_twin.effects.law import FORCES, JOINT_FRICTION, POSITIONS
 
 JOINT, TENDON, SPRING, BODY, ACTUATOR = "joint", "tendon", "spring", "body", "actuator"
-WINCH = "winch"
+WINCH, FRAME = "winch", "frame"
 """Kinds of places; what pulls is a spring: tendons, springs of joints and their drives; a joint whose motion
-is prescribed is a winch
+is prescribed is a winch, and what does not move a frame
 """
 
 
@@ -29,8 +30,8 @@ class StateMoment(Instant):
 
     given: ClassVar[frozenset[str]] = frozenset(
         {"names", "all_of", "dt", "time", "prior_runtime", "joint_angle", "joint_velocity", "motor_angle",
-         "motor_velocity", "wound", "winches", "levers", "body_position", "body_rotation", "free_stretch", "told_pull",
-         "limits", "usual_torque", "other_torque", "drives"}
+         "motor_velocity", "wound", "winches", "levers", "body_position", "body_rotation", "free_stretch",
+         "told_pull", "limits", "usual_torque", "other_torque", "drives"}
     )  # fmt: skip
     everywhere: ClassVar[frozenset[str]] = Instant.everywhere | {"presliding", "strands"}
     followed: ClassVar[tuple[str, ...]] = (
@@ -39,7 +40,7 @@ class StateMoment(Instant):
     )
     changed: ClassVar[tuple[str, ...]] = (
         *("joint_torque", JOINT_FRICTION, "motor_torque", "gear_friction", "winch_angle"),
-        *("slack", *FORCES),
+        *("slack", "acceleration", *FORCES),
     )
     held_as: ClassVar[Mapping[str, str]] = {
         JOINT_FRICTION: "gear_friction",
@@ -52,6 +53,7 @@ class StateMoment(Instant):
         **dict.fromkeys(("horn_torque", "transition_velocity", "pressed"), JOINT),
         **dict.fromkeys(("motor_angle", "motor_velocity", "winch_angle"), WINCH),
         "tendon_friction": TENDON,
+        "acceleration": FRAME,
         **dict.fromkeys(("drive_torque", "usual_torque"), ACTUATOR),
         **dict.fromkeys(("body_position", "body_rotation", "wrench"), BODY),
     }
@@ -120,6 +122,8 @@ class StateMoment(Instant):
     """[N/m or N m/rad], (n, K)"""
     wrench: Array
     """Force and torque on bodies at the centre of mass, in the world [N, N m], (n, B, 6)"""
+    acceleration: Array
+    """Of what does not move, in the world [m/s²], (n, 3)"""
     presliding: Array | float = 0.0
     """Compliance of joints that stick, which is in the torques and frictions above [rad/(N m)], or (n, 1)"""
 
@@ -138,7 +142,7 @@ class StateMoment(Instant):
         return self.levers.shape[1]
 
     def pressed(self, tension: Array) -> Array:
-        """Torque by which tendons of some tensions [N], (n, L), press on joints that they pass [N m], (n, J)."""
+        """Torque by which tendons of tensions [N], (n, L), press on joints that they pass [N m], (n, J)."""
         return np.einsum("nlj,nl->nj", np.abs(self.levers), tension)
 
     @property
@@ -179,6 +183,10 @@ class StateMoment(Instant):
 
     def add(self, handle: str, place: str, size: Array) -> None:
         """Add a size, (n, components), to a quantity at a place: forces are wrenches on bodies."""
+        if handle == "acceleration":
+            self.column(handle, place)
+            self.acceleration = self.acceleration + size
+            return
         if handle not in FORCES:
             super().add(handle, place, size)
             return
@@ -186,3 +194,8 @@ class StateMoment(Instant):
         rotation, middle = self.body_rotation[:, at], self.body_position[:, at]
         wrench[:, at, :3] += force_on(handle, size, rotation, middle)
         self.wrench = wrench
+
+
+def fixed(model: mujoco.MjModel) -> list[str]:
+    """Names of the bodies that do not move, the world first."""
+    return [model.body(n).name for n in range(model.nbody) if not model.body_weldid[n]]

@@ -13,6 +13,7 @@ from serpent_twin.engine.stepper import set_timestep, side_by_side
 from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.full_states import hold_history
 from serpent_twin.machines.model.known_motion import KnownMotion
+from serpent_twin.machines.model.late_sites import LateSites
 from serpent_twin.machines.model.prescribed import PrescribedSteps, Prescription
 from serpent_twin.machines.model.relaxed import relax
 from serpent_twin.machines.model.seen import Seen, address
@@ -101,11 +102,14 @@ class SteppedRuns:
             motion = PrescribedSteps(known, self.nstep * self._parts, self.step)
             self._prescription = Prescription(known.machine, self.batch, motion, seen.efforts)
         self._n = 0
+        self.late: LateSites | None = None
+        """What sites show at other times than the rows'"""
         self._switches = Switches(self.batch, driven.off) if driven.off.any() else None
         followed = self._prescription
         self._laws = acting and StateLaws(
             self.batch, acting, self.step, self.leaps, prescribed=followed
         )
+        self._views = seen.views(self.batch) if self._laws and self._laws.seen else None
 
     def begin(self, start: SegmentStart, state: Array | None = None) -> None:
         """Place all runs at their beginning, joints at angles and rates (S, J, 2), if not at the start's."""
@@ -126,8 +130,8 @@ class SteppedRuns:
         self._turn(0)
         if not start.whole:
             self._activate()
+        self._n = 0
         if self._prescription:
-            self._n = 0
             self._prescription.place()
         if start.relaxed:
             relax(self.batch, start.relaxed)
@@ -171,7 +175,16 @@ class SteppedRuns:
             stage = self._seen.stage if last else _NOTHING
             self._move(self.nstep - self.leaps, stage)
             if last:
-                yield self._seen.read(self.batch)
+                yield self.read()
+
+    def read(self) -> Array:
+        """What is seen now, (n, C)."""
+        shown = self._seen.read(self.batch)
+        return self._laws.misread(shown, self._views) if self._laws and self._views else shown
+
+    def see_later(self, ahead: Array) -> None:
+        """See sites so long after each row [s], (n,), from where the runs are."""
+        self.late = LateSites(ahead, self.step, self.nstep * self._parts)
 
     def lead(self, start: SegmentStart, state: Array) -> Array:
         """The angles of joints in the rows of the lead, (S, J, LEAD)."""
@@ -185,19 +198,21 @@ class SteppedRuns:
         """Take time steps, one by one where effects act on the state or a motion is prescribed, and compute
         the stages of what is reached.
         """
-        if not self._laws and not self._prescription:
+        if not (self._laws or self._prescription or self.late):
             self.batch.step(nstep=count, stage=stage)
             return
         least = self._laws.stage if self._laws else _NOTHING
+        if self.late:
+            least = max(least, mujoco.mjtStage.mjSTAGE_POS, key=int)
         for _ in range(count):
             if self._laws:
                 self._laws.act()
-            if not self._prescription:
-                self.batch.step(stage=max(stage, least, key=int))
-                continue
-            self._prescription.follow(self._n)
-            self.batch.step(stage=least)
+            if self._prescription:
+                self._prescription.follow(self._n)
+            self.batch.step(stage=least if self._prescription else max(stage, least, key=int))
             self._n += 1
+            if self.late and self.late.wants(self._n):
+                self.late.passes(self._n, self.read())
         if self._prescription and stage:
             self._prescription.seen(self._n)
             self.batch.forward(stage=stage)

@@ -82,6 +82,12 @@ def acts_on(model: mujoco.MjModel, actuator: str | int) -> tuple[str, str]:
     return "", ""
 
 
+def winding(model: mujoco.MjModel) -> set[str]:
+    """Names of the joints that a tendon is wound by: those of tendons along joints."""
+    wrapped = model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_JOINT]
+    return {model.joint(int(n)).name for n in wrapped}
+
+
 def joints_moving(model: mujoco.MjModel, body: int) -> set[int]:
     """Joints that move a body: its own, and those of the bodies that it is on."""
     found = set[int]()

@@ -1,0 +1,96 @@
+"""The serpent arm by either engine: its own, and as model/machine.toml has it, in pieces of one log."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from serpent_twin.arm.mjcf import MODEL
+from serpent_twin.machines.machine import Output
+from serpent_twin.machines.model import machine as model_machine
+from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.coordinates import coordinates
+from serpent_twin.machines.model.limits import logged_limits
+from serpent_twin.sessions import read_folder
+from serpent_twin.sim.many_twins import PrescribedMotion, impose
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
+from serpent_twin.sim.prescribed_motion import STANDING, servo_lag
+from serpent_twin.sim.twin_model import TwinModel
+
+DATA, STEPS = Path("data/arm_a"), 125
+STALL = 1.5
+"""[N m]"""
+
+
+def _machine(rig, logs):
+    """The machine, its cameras' frame that of the arm's base."""
+    outputs = tuple(
+        Output(name, each.measure, 1e-3)
+        for each in rig.described.about.measured
+        for name in each.columns
+    )
+    frame = {"pivot": np.zeros(3), "shift": np.zeros(3)}
+    described, limits = rig.described, logged_limits(rig.described, logs)
+    return model_machine.ModelMachine(
+        described, {}, coordinates(described), outputs, limits, frame, steps=STEPS
+    )
+
+
+@dataclass(frozen=True)
+class Serpent:
+    """Pieces of a session, and twins with effects in them by either engine, (S, T, 37) in SI."""
+
+    machine: model_machine.ModelMachine
+    pieces: object
+    motion: PrescribedMotion
+    past: tuple
+    turns: np.ndarray
+    """Which motors turn in which rows, of bool, (S, T, 10)"""
+
+    def as_model(self, *there):
+        """By the engine of all machines."""
+        point = SimpleNamespace(declared=np.zeros(len(self.machine.declared)), there=there)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(model_machine, "effects_at", lambda at: at.there)
+            return self.machine.respond([point], self.pieces)[0]
+
+    def by_itself(self, *there):
+        """By the arm's own engine."""
+        remembers = any(each.remembers for each in there)
+        motion = replace(self.motion, past=self.past if remembers else None)
+        period = float(np.median(self.pieces.period))
+        did = impose([TwinModel(effects=there)], motion, period / STEPS)
+        marker = np.asarray(did.marker)[0].reshape(*self.turns.shape[:2], 27)
+        return np.concatenate([marker, STALL * np.asarray(did.load)[0]], axis=-1)
+
+
+def serpent(segments, rows):
+    """Some segments of the first session of `data/arm_a`, in their first rows."""
+    rig = open_machine(MODEL / "machine.toml")
+    logs = rig.read(DATA / "session_01.parquet")
+    machine = _machine(rig, logs)
+    whole = machine.pieces(logs).take(segments)
+    pieces = replace(
+        whole,
+        time=whole.time[:, :rows],
+        column={name: of[:, :rows] for name, of in whole.column.items()},
+        measured=whole.measured[:, :rows],
+    )
+    session = read_folder(DATA)[0]
+    time, angle, velocity = session.time, session.motor_position, session.motor_velocity
+    first = np.searchsorted(time, pieces.time[:, 0])
+    at, before = first[:, None] + np.arange(rows), first.max()
+    before = np.maximum(first[:, None] - before + np.arange(before), 0)
+    joints = [
+        np.stack([logs[0].columns[f"{of} of joint{i}"] for i in range(1, 10)], 1)
+        for of in ("angle", "rate")
+    ]
+    motion = PrescribedMotion(
+        MotorTrajectory(time[at], angle[at], velocity[at]),
+        *(of[first] for of in joints),
+        servo_lag([(time, angle, velocity)]),
+    )
+    past = MotorTrajectory(time[before], angle[before], velocity[before]), joints[0][before]
+    return Serpent(machine, pieces, motion, past, np.abs(velocity[at]) > 2 * STANDING)
