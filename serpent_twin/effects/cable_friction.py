@@ -101,4 +101,7 @@ def rub(moment: Any, torque: Array, transition_velocity: Array | float) -> None:
     slope = before + torque / np.maximum(transition_velocity, _STICKS)
     rubs = moment.joint_friction + torque
     moment.joint_friction = rubs
-    moment.transition_velocity = rubs / np.maximum(slope, _STICKS)
+    near = np.where(
+        np.greater(torque, 0), rubs / np.maximum(slope, _STICKS), moment.transition_velocity
+    )
+    moment.transition_velocity = near

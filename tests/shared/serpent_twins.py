@@ -72,6 +72,7 @@ def serpent(segments, rows):
     logs = rig.read(DATA / "session_01.parquet")
     machine = _machine(rig, logs)
     whole = machine.pieces(logs).take(segments)
+    rows = min(rows, whole.time.shape[1])
     pieces = replace(
         whole,
         time=whole.time[:, :rows],

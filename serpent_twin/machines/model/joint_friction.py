@@ -32,7 +32,8 @@ class JointFriction:
         self._free = [k for k in range(len(dofs)) if k not in winches]
         self._soft = [batch.expand(f"dof_{of}") for of in ("solref", "solimp")]
         self._weight = batch.expand("dof_invweight0")[:, dofs].copy()
-        time, impedance = (of[:, dofs, 0] for of in self._soft)
+        self._own = [of[:, dofs].copy() for of in self._soft]
+        time, impedance = (of[..., 0] for of in self._own)
         self.velocity: Array = self.friction * self._weight * (1 - impedance) * time / 2
         """Below which it is in proportion to the speed [rad/s or m/s], (n, J)"""
 
@@ -46,7 +47,8 @@ class JointFriction:
             self._efforts.torque[:, self._drives] = torque[:, self._joints]
         if velocity is not self.velocity:
             time = np.where(friction > _MORE * self.friction, BRISK, USUAL)
-            time, impedance = softness(friction, self._weight, velocity, time)
-            reference, impedances = self._soft
-            reference[:, dofs, 0] = time[:, free]
-            impedances[:, dofs, :2] = impedance[:, free, None]
+            several = softness(friction, self._weight, velocity, time)
+            changed = (velocity != self.velocity)[:, free, None]
+            for field, own, new, wide in zip(self._soft, self._own, several, (1, 2), strict=True):
+                kept = own[:, free, :wide]
+                field[:, dofs, :wide] = np.where(changed, new[:, free, None], kept)
