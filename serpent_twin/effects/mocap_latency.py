@@ -30,10 +30,10 @@ class MocapLatency(Effect):
         return -self.delay
 
     def edit(self, spec: mujoco.MjSpec) -> None:
-        """Delay the marker sensors."""
+        """Delay the sensors of where sites are."""
         longest = ranges(type(self))["delay"].high
         for sensor in spec.sensors:
-            if not sensor.name.startswith("marker"):
+            if sensor.objtype != mujoco.mjtObj.mjOBJ_SITE:
                 continue
             sensor.nsample = ceil(longest / spec.option.timestep) + 2
             sensor.interp, sensor.delay = 1, self.delay  # 1 is MJCF's interp="linear"

@@ -73,10 +73,10 @@ def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candida
         found += _saturated(machine, training, of)
         found += _weak(machine, of)
         found += laws_of_state(machine, training, of)
+        found += of_all(machine, [_placed(machine, each) for each in found])
         found += of_all(machine, found)
     else:
         found += rubbing(machine)
-    found += of_all(machine, [_placed(machine, each) for each in found])
     found = _wanted(machine, [*found, *_bodies(machine, of)])
     return {each.name: _confused(_placed(machine, each), found) for each in found}
 

@@ -69,10 +69,11 @@ class StateLaws:
             for kind, of in ((JOINT, model.joint), (TENDON, model.tendon), (BODY, model.body))
         )
         self._q, self._v = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-        self._prescribed, self._names[WINCH] = prescribed, []
-        self._winches, self._columns = np.zeros(0, np.intp), list[int]()
-        if prescribed:
-            self._wind(prescribed)
+        self._prescribed, names = prescribed, self._names[JOINT]
+        followed = prescribed.joints if prescribed else []
+        self._names[WINCH] = [name for name in followed if name in names]
+        self._winches = np.array([names.index(name) for name in self._names[WINCH]], np.intp)
+        self._columns = [followed.index(name) for name in self._names[WINCH]]
         self._motors = [model.actuator(name).id for name in self._names[ACTUATOR]]
         turned = model.actuator_trnid[self._motors, 0]
         self._turned = (model.jnt_dofadr[turned][:, None] == np.arange(model.nv)).astype(float)
@@ -93,13 +94,6 @@ class StateLaws:
         self._own_along = self._along[:, self._tendons].copy()
         efforts = prescribed.efforts if prescribed else NO_EFFORTS
         self._friction = JointFriction(batch, self._v, self._winches.tolist(), efforts)
-
-    def _wind(self, prescribed: Prescription) -> None:
-        """Take the joints that follow a known motion as winches."""
-        names = self._names[JOINT]
-        self._names[WINCH] = [name for name in prescribed.joints if name in names]
-        self._winches = np.array([names.index(name) for name in self._names[WINCH]], np.intp)
-        self._columns = [prescribed.joints.index(name) for name in self._names[WINCH]]
 
     def _of_all(self, joints: Sequence[int]) -> dict[str, NDArray[np.intp] | slice]:
         """Which places of each kind an effect without a place is at."""
