@@ -159,7 +159,7 @@ def test_places_are_told_by_name_and_unit(arm):
     ("at", "says"),
     [
         ("joint_torque of wrist: constant", "no hinge, slide, tendon, body or drive of a joint 'wrist'"),
-        ("marker_shift of elbow: constant", "no law changes marker_shift here; there are: joint_torque"),
+        ("marker_shift of elbow: constant", "needs marker_shift of a site, and 'elbow' is none"),
         ("winch_angle of elbow: constant", "needs winch_angle of a winch, and 'elbow' is none"),
         ("joint_torque of elbow: linear motor_angle of elbow", "needs motor_angle of a winch, and 'elbow'"),
     ],
