@@ -16,6 +16,7 @@ NAMES = (
     "collect_speed",
     "trace_speed",
     "any_model_speed",
+    "linear_responses",
     "right_names",
     "sweep_speed",
     "estimate_speed",

@@ -159,7 +159,7 @@ def test_what_nothing_measures_begins_at_rest_where_friction_holds_it(winch):
     rig, sessions, _ = winch
     case = rig.open(sessions)
     driven = case.machine._in_motion([ParameterVector.nominal(case.declared)])
-    states = driven.motion(case.pieces(sessions)).states()
+    states = driven.motion(case.pieces(sessions)).recorded()
     flap = rig.described.model.joint("flap").qposadr[0]
     assert states.pose[0, 0, flap] == pytest.approx(np.radians(20) - HELD / FLAP, abs=1e-6)
 

@@ -43,7 +43,7 @@ class Taken:
 
     def by_trace(self, twin: ParameterVector) -> RowStates:
         """The states of a trace's own simulation in each row."""
-        return self.case.machine._in_motion([twin]).motion(self.pieces).states()
+        return self.case.machine._in_motion([twin]).motion(self.pieces).recorded()
 
     def told(self, rows: int) -> np.ndarray:
         """What the log of the first segment tells the actuators."""

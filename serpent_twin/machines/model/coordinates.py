@@ -216,7 +216,7 @@ def edit_numbers(
 ) -> None:
     """Write coordinates into a spec of the model."""
     for each in all_of:
-        for n in each.of if each.number else ():
-            value = values[each.declared.name]
+        value = values.get(each.declared.name, 0.0)
+        for n in each.of if each.number and value else ():
             added = NUMBERS[each.number].added
             change_number(spec, each.number, n, value if added else float(np.exp(value)))

@@ -119,6 +119,11 @@ class TwinsInMotion:
         found = sensed(seen, angles=joint_angles(motion.driven.models[0], pose))
         return found.reshape(len(self.twins), len(pieces), *found.shape[1:])
 
+    @property
+    def first(self) -> "TwinsInMotion":
+        """The first twin alone."""
+        return replace(self, twins=self.twins[:1])
+
     def motion(self, pieces: Segments) -> DrivenMotion:
         """The runs, from where the log begins."""
         machine, twins = self.machine, self.twins
@@ -126,7 +131,7 @@ class TwinsInMotion:
         begin = beginning(each[0].models[0], machine)
         at = start(machine, begin, pieces).repeated(len(twins))
         past = None
-        if self._replays(each[0].models[0]) and not pieces.planned:
+        if self.replays(each[0].models[0], pieces):
             own = machine.model.na or not all_measured(machine)  # whose beginning logs say
             if not own and only_filters(each[0].models[0]):
                 at = replace(at, whole=self._filtered(begin, pieces))
@@ -148,11 +153,13 @@ class TwinsInMotion:
         later = np.repeat([twin.sites_later for twin in twins], len(pieces))
         return DrivenMotion(driven, at, seen, gain, self.steps, read, act, later)
 
-    def _replays(self, model: mujoco.MjModel) -> bool:
-        """Whether a state holds more than what is measured or prescribed."""
+    def replays(self, model: mujoco.MjModel, pieces: Segments) -> bool:
+        """Whether segments begin as their whole sessions say: a state holds more than what is measured or
+        prescribed.
+        """
         machine = self.machine
         more = model.na or model.nhistory or not all_measured(machine)
-        return bool(more) and not machine.prescribed
+        return bool(more) and not machine.prescribed and not pieces.planned
 
     def _followed(self, pieces: Segments) -> FollowedSessions:
         """The twins in the whole sessions of some runs, those of one after those of the other, until the last
@@ -207,7 +214,7 @@ class TwinsInMotion:
         """How the nominal model's starts are improved."""
         machine, seen = self.machine, Seen(self.machine, self.frame, [self.nominal.x])
         at = start(machine, machine.begin, pieces)
-        if self._replays(machine.model) and not pieces.planned:
+        if self.replays(machine.model, pieces):
             past = replace(self, twins=[self.nominal])._followed(pieces)
             at = replace(at, whole=_beginnings(past, pieces, 1))
         return start_gain(self.nominal.driven(pieces), at, seen, self.steps)

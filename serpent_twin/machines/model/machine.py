@@ -24,6 +24,7 @@ from serpent_twin.machines.machine import (
 from serpent_twin.machines.measured import RunMachine
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
+from serpent_twin.machines.model.derivatives import agree, derivatives
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
 from serpent_twin.machines.model.drive_table import write_calibration
 from serpent_twin.machines.model.drives import ToldBefore
@@ -203,7 +204,8 @@ class ModelMachine(RunMachine):
         spec = self.spec(declared, effects)
         for number, which, factor in known:
             change_number(spec, number, which, factor)
-        for sensor in [each for each in spec.sensors if each.name not in self.places]:
+        measured = self.places
+        for sensor in [each for each in spec.sensors if each.name not in measured]:
             spec.delete(sensor)
         prescribe(spec, self.described)
         separate(spec, self.described)
@@ -282,6 +284,22 @@ class ModelMachine(RunMachine):
         with quietly(), np.errstate(all="ignore"):
             motion = self._in_motion([point]).motion(pieces)
             return ModelPlaces.of(machine, self.places, motion, pieces)
+
+    def derivatives(
+        self, point: ParameterVector, pieces: Segments, noise: Array
+    ) -> dict[str, Array]:
+        """Derivatives by the model's numbers along one motion, where a simulated step of all agrees."""
+        if self.described.about.rows == POSES:
+            return {}
+        steps = np.diag([each.step for each in self.declared])
+        with quietly(), np.errstate(all="ignore"):
+            twins = self._in_motion([point, *(point.after(step) for step in steps)])
+            found = derivatives(twins, self.declared, pieces)
+
+        def shown(points: Sequence[ParameterVector]) -> Array:
+            return self.respond(points, pieces)
+
+        return found if agree(found, self.declared, point, shown, noise) else {}
 
     def units_of_law(self, law: Law) -> dict[str, str]:
         """The units of a law's size and of its form's parameters."""

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.recorded_steps import RecordedSteps
 from serpent_twin.machines.model.seen import Seen, segments_of
 from serpent_twin.machines.model.starts import SegmentStart
 from serpent_twin.machines.model.state_effects import Acting
@@ -17,6 +19,8 @@ _IMPROVED = 4
 _DIFFERENCE = 1e-4  # [rad], [rad/s]
 _FAR = 20.0
 """Times the noise, by which a start may be off in what the lead hardly shows"""
+_PART, _PARTS = 0.05, 4
+"""Longest part of a row in which a motion is linearised once [s], and the most of them"""
 STEPS = (8, 16, 32, 64, 128)
 """Of a row, of which a machine takes as few as its noise allows, and differences between twins the fewest"""
 
@@ -56,14 +60,20 @@ class DrivenMotion:
             found = runs.late.put(found, self.seen.sites)
         return found, poses
 
-    def states(self) -> "RowStates":
-        """The states in which the runs are seen."""
+    def recorded(self) -> "RowStates":
+        """The states in which the runs are seen, and their time steps."""
         runs = self._begun()
-        fields = [runs.batch.bind(name) for name in ("qpos", "qvel", "act")]
+        batch, count = runs.batch, self.driven.rows - 1
+        fields = [batch.bind(name) for name in ("qpos", "qvel", "act", "qfrc_applied")]
+        fields.append(batch.expand("eq_data"))
+        parts = min(_PARTS, max(1, ceil(float(self.driven.period.max()) / _PART)))
+        steps = runs.record(count, parts)
         rows = [[field.copy() for field in fields]]
-        rows += [[field.copy() for field in fields] for _ in runs.rows(self.driven.rows - 1)]
-        pose, rate, activation = (np.stack(each, axis=1) for each in zip(*rows, strict=True))
-        return RowStates(pose, rate, activation, runs.step, runs.nstep)
+        rows += [[field.copy() for field in fields] for _ in runs.rows(count)]
+        pose, rate, activation, applied, equality = (
+            np.stack(of, axis=1) for of in zip(*rows, strict=True)
+        )
+        return RowStates(pose, rate, activation, applied, equality, runs.step, runs.nstep, steps)
 
     def _begun(self) -> SteppedRuns:
         runs = SteppedRuns(self.driven, self.seen, self.steps, self.acting)
@@ -84,10 +94,16 @@ class RowStates:
     """Half a time step before, but for RK4, (n, T, nv)"""
     activation: Array
     """(n, T, na)"""
+    applied: Array
+    """Forces on degrees of freedom that a prescribed motion and effects take, (n, T, nv)"""
+    equality: Array
+    """Data of equality constraints, (n, T, …)"""
     step: Array
     """Time steps [s], (n,)"""
     nstep: int
     """Of each part of a row in which the controls change"""
+    steps: RecordedSteps
+    """Between the rows"""
 
 
 def _improved(

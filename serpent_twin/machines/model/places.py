@@ -21,16 +21,14 @@ from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import commands
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
-from serpent_twin.machines.model.row_motion import ForcedRows, forced_rows
+from serpent_twin.machines.model.row_motion import ForcedRows, adapted, forced_rows
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.springs import drives_on, single_joints
-from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.things import joint_type, lengths
-from serpent_twin.machines.places import LaggedResponse, Places, Response, RowMotion, by_forces
-from serpent_twin.residual import FORCE, TORQUE
+from serpent_twin.machines.places import LaggedResponse, Places, Response, by_forces
 from serpent_twin.tables.segments import Segments
 
-MOST = 12
+MOST = 40
 """Joints or bodies of a model at which laws are sought"""
 _SLOW = 0.05
 """Speed at which dry friction has its full size, of the joint's own rms: it changes its sign softly"""
@@ -101,11 +99,9 @@ class ModelPlaces(Places):
         pieces: Segments,
     ) -> "ModelPlaces":
         """Those of a motion of one twin."""
-        states, varies = motion.states(), commands(machine, pieces).std(axis=(0, 1))
+        states, varies = motion.recorded(), commands(machine, pieces).std(axis=(0, 1))
         forced = forced_rows(motion.driven, states, motion.seen, varies, _few_bodies(machine.model))
-        if motion.gain is not None:
-            adapts = _adapts(measured, motion, forced.motion)
-            forced = replace(forced, motion=replace(forced.motion, adapts=adapts))
+        forced = replace(forced, motion=adapted(forced.motion, measured, motion, forced.free))
         return cls(machine, motion.driven.models[0], tuple(measured), states, forced, pieces)
 
     @cached_property
@@ -114,7 +110,7 @@ class ModelPlaces(Places):
         found = clocks_and_commands(self.machine, self.pieces)
         for name, dof in self._joints:
             found["joint_angle", name] = np.nan_to_num(self.states.pose[..., dof])
-            found["joint_velocity", name] = np.nan_to_num(self.states.rate[..., dof])
+            found["joint_velocity", name] = np.nan_to_num(self._mean_rate[..., dof])
         for k, n in enumerate(self._bodies):
             if n not in self.machine.model.body_parentid[self._bodies]:  # the end of a chain
                 at = self._along.middle[k]
@@ -124,6 +120,13 @@ class ModelPlaces(Places):
             if not drives_on(self.model, "tendon", n):
                 found["tension", self.model.tendon(n).name] = self._along.tension[k]
         return found
+
+    @cached_property
+    def _mean_rate(self) -> Array:
+        """Mean of the rates from each row to the next, (S, T, nv)."""
+        out = self.states.rate.copy()
+        out[:, :-1] = self.states.steps.velocity.mean(axis=2)
+        return out
 
     @property
     def responses(self) -> Sequence[Response]:
@@ -160,11 +163,12 @@ class ModelPlaces(Places):
             if name in prescribed:
                 continue
             rate = self.states.rate[..., dof]
-            push, own = self.forced.by_force[dof], self.forced.force_shows[dof]
+            own = self.forced.force_shows[dof]
             full = max(_SLOW * float(np.sqrt(np.nanmean(rate**2))), 1e-9)
             rubs = -np.tanh(np.nan_to_num(rate) / full)[..., None]
-            yield self._lagged("joint_torque", name, push[None], own[None])
-            yield self._lagged("joint_friction", name, (rubs * push)[None], (rubs * own)[None])
+            yield self._lagged("joint_torque", name, self.forced.by_force[dof][None], own[None])
+            push = self.forced.by_friction[dof]
+            yield self._lagged("joint_friction", name, push[None], (rubs * own)[None])
 
     def _lagged(self, handle: str, name: str, push: Array, own: Array) -> Response:
         return LaggedResponse(handle, name, self.forced.motion, push, own)
@@ -185,16 +189,11 @@ class ModelPlaces(Places):
 
     def _of_tendons(self) -> Iterator[Response]:
         """Of those with a spring, where it pulls."""
-        pulls = [each.of for each in self.machine.about.measured if each.measure in (FORCE, TORQUE)]
-        for k, n in enumerate(self._tendons):
-            name, arm = self.model.tendon(n).name, self._along.arms[k]
-            own = np.zeros((1, *self.pieces.measured.shape))
-            if ("tendon", name) in pulls:
-                own[0, ..., self.measured.index(name)] = -self._along.stiffness[k]
-            push = np.einsum(
-                "st,stv,vstd->std", self._along.stiffness[k], arm, self.forced.by_force
-            )
-            yield self._lagged("slack", name, push[None], own)
+        sprung = np.flatnonzero(self.model.tendon_stiffness).tolist()
+        for n in self._tendons:
+            of = sprung.index(n)
+            push, own = self.forced.by_slack[of], self.forced.slack_shows[of]
+            yield self._lagged("slack", self.model.tendon(n).name, push[None], own[None])
 
     @property
     def _tendons(self) -> list[int]:
@@ -241,21 +240,3 @@ def _few_bodies(model: mujoco.MjModel) -> list[int]:
     """The same, if there are few."""
     found = moved_bodies(model)
     return found if len(found) <= MOST else []
-
-
-def _adapts(measured: Sequence[str], motion: DrivenMotion, rows: RowMotion) -> Array:
-    """How the states at which runs begin follow what is read in the lead, (S, D, LEAD, C)."""
-    (S, _, C, D), joints = rows.shows.shape, motion.start.joints
-    model = motion.driven.models[0]
-    assert motion.gain is not None
-    out = np.zeros((S, D, LEAD, C))
-    gain = motion.gain.reshape(S, len(joints), 2, len(joints), LEAD)
-    for j, joint in enumerate(joints):
-        dof = address(model, joint)
-        for k, other in enumerate(joints):
-            if other not in measured:  # prescribed, which no start changes
-                continue
-            column = list(measured).index(other)
-            out[:, dof, :, column] = -gain[:, j, 0, k]
-            out[:, model.nq + dof, :, column] = -gain[:, j, 1, k]
-    return out

@@ -20,7 +20,6 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.places import (
-    MOST,
     channels_alone,
     clocks_and_commands,
     moved_bodies,
@@ -31,6 +30,8 @@ from serpent_twin.machines.places import PlaceResponse, PlacesInRow, with_more
 from serpent_twin.tables.segments import Segments
 
 T = TypeVar("T")
+_MOST = 12
+"""Joints, bodies or tendons at which laws of poses are sought: each takes a search for rests"""
 _SHARE = 0.1
 """Of a command's scatter in the logs, by which it is changed: dry friction takes up less"""
 _STILL = 1e-9
@@ -115,9 +116,9 @@ def _few(several: Sequence[T]) -> list[T]:
     """At most so many as laws are sought at, at even steps and the last included: in a long chain, what acts
     on neighbours moves it nearly alike.
     """
-    if len(several) <= MOST:
+    if len(several) <= _MOST:
         return [*several]
-    return [several[n] for n in np.linspace(0, len(several) - 1, MOST).round().astype(int)]
+    return [several[n] for n in np.linspace(0, len(several) - 1, _MOST).round().astype(int)]
 
 
 def _shown(found: Sequence[PlaceResponse]) -> Iterator[PlaceResponse]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.recorded_steps import RecordedSteps
 from serpent_twin.engine.stepper import set_timestep, side_by_side
 from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.full_states import hold_history
@@ -104,6 +105,7 @@ class SteppedRuns:
         self._n = 0
         self.late: LateSites | None = None
         """What sites show at other times than the rows'"""
+        self._record: RecordedSteps | None = None
         self._switches = Switches(self.batch, driven.off) if driven.off.any() else None
         followed = self._prescription
         self._laws = acting and StateLaws(
@@ -186,6 +188,11 @@ class SteppedRuns:
         """See sites so long after each row [s], (n,), from where the runs are."""
         self.late = LateSites(ahead, self.step, self.nstep * self._parts)
 
+    def record(self, rows: int, parts: int) -> RecordedSteps:
+        """Record the time steps of the next rows, and what controls them in each of some parts of a row."""
+        self._record = RecordedSteps(self.batch, rows, self.nstep * self._parts, parts)
+        return self._record
+
     def lead(self, start: SegmentStart, state: Array) -> Array:
         """The angles of joints in the rows of the lead, (S, J, LEAD)."""
         self.begin(start, state)
@@ -195,10 +202,10 @@ class SteppedRuns:
         return np.stack(found, axis=-1)
 
     def _move(self, count: int, stage: int) -> None:
-        """Take time steps, one by one where effects act on the state or a motion is prescribed, and compute
-        the stages of what is reached.
+        """Take time steps and compute the stages of what is reached; step by step where effects act on the
+        state, a motion is prescribed or all is recorded.
         """
-        if not (self._laws or self._prescription or self.late):
+        if not (self._laws or self._prescription or self.late or self._record):
             self.batch.step(nstep=count, stage=stage)
             return
         least = self._laws.stage if self._laws else _NOTHING
@@ -209,8 +216,12 @@ class SteppedRuns:
                 self._laws.act()
             if self._prescription:
                 self._prescription.follow(self._n)
+            if self._record:
+                self._record.begin()
             self.batch.step(stage=least if self._prescription else max(stage, least, key=int))
             self._n += 1
+            if self._record:
+                self._record.end()
             if self.late and self.late.wants(self._n):
                 self.late.passes(self._n, self.read())
         if self._prescription and stage:

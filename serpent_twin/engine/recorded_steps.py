@@ -1,0 +1,50 @@
+"""Record the time steps of runs side by side, for a linearisation about them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from mujoco.batch import Batch
+
+from serpent_twin.arrays import Array
+
+_INSTANT = ("act", "ctrl", "history", "time")
+
+
+class RecordedSteps:
+    """The time steps of n runs, K to a row, and once in each of P parts of a row what controls them.
+
+    Fields of instants are (n, rows, P, …), those of steps (n, rows, K, …).
+    """
+
+    def __init__(self, batch: Batch, rows: int, per_row: int, parts: int) -> None:
+        n, nv, self._count = batch.nsim, batch.model.nv, 0
+        self._state = [batch.bind("qpos"), batch.bind("qvel")]
+        self._outcome = batch.bind("qacc"), batch.bind("ten_length")
+        self._more = [*(batch.bind(name) for name in _INSTANT), batch.expand("eq_data")]
+        self._per_row, self.part = per_row, np.arange(per_row) * parts // per_row
+        """The part of a row to which each step belongs, (K,)"""
+        self.middle = np.searchsorted(self.part, np.arange(parts)) + per_row // parts // 2
+        """The step amid each part, (P,)"""
+        self.position, self.velocity, self.acceleration = np.zeros((3, n, rows, per_row, nv))
+        self.length = np.zeros((n, rows, per_row, batch.model.ntendon))
+        """Of tendons [m or rad]"""
+        of = [each.reshape(n, -1).shape[1] for each in self._more]
+        self.act, self.ctrl, self.history, self.time, self.equality = (
+            np.zeros((n, rows, parts, size)) for size in of
+        )
+
+    def begin(self) -> None:
+        """Note the runs before a time step."""
+        t, k = divmod(self._count, self._per_row)
+        self.position[:, t, k], self.velocity[:, t, k] = self._state
+        part = self.part[k]
+        if k == self.middle[part]:
+            kept: Sequence[Array] = self.act, self.ctrl, self.history, self.time, self.equality
+            for of, field in zip(kept, self._more, strict=True):
+                of[:, t, part] = field.reshape(len(of), -1)
+
+    def end(self) -> None:
+        """Note what the time step did."""
+        t, k = divmod(self._count, self._per_row)
+        self.acceleration[:, t, k], self.length[:, t, k] = self._outcome
+        self._count += 1

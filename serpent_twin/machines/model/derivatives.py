@@ -1,0 +1,75 @@
+"""Differentiate what is measured of a motion by the numbers of its model, if a simulation agrees."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.machine import Declared, ParameterVector
+from serpent_twin.machines.model.in_motion import TwinsInMotion
+from serpent_twin.machines.model.known_motion import KnownMotion
+from serpent_twin.machines.model.number_changes import by_numbers
+from serpent_twin.machines.model.row_motion import adapted, free_of
+from serpent_twin.machines.model.seen import Seen
+from serpent_twin.tables.segments import Segments
+
+_SEED = 0
+"""Of the signs of the step that is simulated"""
+_PROBED = 0.1
+"""That step, in steps of the numbers"""
+_MAX_ERROR = 0.3
+"""Most that a simulated step may differ from what derivatives predict, of what the numbers change one by one
+(root of the sum of squares: together they may cancel), for these to be used
+"""
+
+
+def derivatives(
+    twins: TwinsInMotion, declared: Sequence[Declared], pieces: Segments
+) -> dict[str, Array]:
+    """Derivatives of what is measured by the numbers that are fitted, (S, T, C) each, where they follow from
+    one simulated motion: `twins` are a twin and, for each number, one that is a step of that further. Lacking
+    are those of prescribed motion, and all where a state holds more than what is measured.
+    """
+    model = twins.twins[0].driven(pieces).models[0]
+    if twins.replays(model, pieces) or not model.njnt == model.nq == model.nv:
+        return {}
+    motion = twins.first.motion(pieces)
+    others = {
+        each.name: (other, driven)
+        for each, other in zip(declared, twins.twins[1:], strict=True)
+        if _follows_alike(motion.driven.known, (driven := other.driven(pieces)).known)
+    }
+    xs = [twins.twins[0].x, *(other.x for other, _ in others.values())]
+    seen = Seen(twins.machine, twins.frame, xs)
+    rows, pushes, own = by_numbers(motion, [driven for _, driven in others.values()], seen)
+    rows = adapted(rows, twins.measured, motion, free_of(motion.driven))
+    changes = rows.driven(pushes, own)
+    steps = {each.name: each.step for each in declared}
+    return {name: change / steps[name] for name, change in zip(others, changes, strict=True)}
+
+
+def agree(
+    found: dict[str, Array],
+    declared: Sequence[Declared],
+    point: ParameterVector,
+    shown: Callable[[Sequence[ParameterVector]], Array],
+    noise: Array,
+) -> bool:
+    """Whether a step of all numbers at once changes what twins show, (D, S, T, C), as derivatives predict,
+    each channel by its noise, (C,).
+    """
+    each = [found[of.name] * of.step / noise if of.name in found else None for of in declared]
+    size = np.array([0.0 if of is None else np.linalg.norm(of) for of in each])
+    if not size.any():
+        return True
+    alike = np.minimum(1.0, np.median(size[size > 0]) / np.where(size > 0, size, np.inf))
+    share = _PROBED * alike * np.random.default_rng(_SEED).choice([-1.0, 1.0], len(size))
+    there, here = shown([point.after(share * [of.step for of in declared]), point])
+    change = np.nan_to_num((there - here) / noise)
+    predicted = sum(k * of for k, of in zip(share, each, strict=True) if of is not None)
+    return bool(np.linalg.norm(change - predicted) < _MAX_ERROR * np.linalg.norm(share * size))
+
+
+def _follows_alike(one: KnownMotion | None, other: KnownMotion | None) -> bool:
+    """Whether two twins' prescribed motions are the same."""
+    return one is other or bool(one and other and np.array_equal(one.at, other.at))

@@ -1,0 +1,116 @@
+"""Linear dynamics from row to row, beside closed forms and beside simulations."""
+
+import moving_models
+import mujoco
+import numpy as np
+import pulled_lever
+import pytest
+import swinging_models
+from example import opened
+
+from serpent_twin.engine.recorded_steps import RecordedSteps
+from serpent_twin.engine.row_changes import RowChanges
+from serpent_twin.engine.stepper import set_timestep, side_by_side
+from serpent_twin.machines.model.derivatives import derivatives
+
+DT, K, ROWS = 0.001, 20, 15
+SLIDE = """<mujoco><option gravity="0 0 0" timestep="0.001"/>
+<worldbody><body name="cart">
+  <joint name="slide" type="slide" axis="1 0 0" {joint}/><geom size="0.1" mass="2"/>
+</body></worldbody>{more}</mujoco>"""
+CABLE = """<tendon><fixed name="cable" stiffness="300" springlength="-1 0.01">
+<joint joint="slide" coef="1"/></fixed></tendon>"""
+
+
+def changes(mjcf, velocity, force=0.0, others=()):
+    """The dynamics of a cart that begins at 0 with a velocity, in one part a row."""
+    model = mujoco.MjModel.from_xml_string(mjcf)
+    batch, dt = side_by_side([model], 1), np.array([DT])
+    set_timestep(batch, dt)
+    steps = RecordedSteps(batch, ROWS, K, parts=1)
+    batch.reset()
+    batch.bind("qvel")[...] = velocity
+    batch.bind("qfrc_applied")[...] = force
+    for _ in range(ROWS * K):
+        steps.begin()
+        batch.step()
+        steps.end()
+    others = [[mujoco.MjModel.from_xml_string(other)] for other in others]
+    found = RowChanges.of([model], steps, dt, np.zeros((1, ROWS), np.int32), [0], others)
+    return found, batch.bind("qvel")[0, 0]
+
+
+def test_a_damped_cart_follows_its_closed_form():
+    """Each implicit step leaves 1 / (1 + c dt / m) of the rate."""
+    found, _ = changes(SLIDE.format(joint='damping="3"', more=""), 1.0)
+    kept = 1 / (1 + 3 * DT / 2)
+    rates = kept ** np.arange(1, K + 1)
+    assert found.goes_on[0, 0] == pytest.approx(np.array([[1, DT * rates.sum()], [0, rates[-1]]]))
+    by_force = DT / 2 * kept * (1 - kept**K) / (1 - kept)
+    assert found.by_force[0, 0, 0, 0, 1] == pytest.approx(by_force)
+
+
+def test_a_cart_that_slides_keeps_changes_and_one_that_sticks_loses_them():
+    cart = SLIDE.format(joint='frictionloss="1"', more="")
+    found, left = changes(cart, 0.1)  # stops after 0.2 s
+    assert abs(left) < 1e-3
+    assert found.goes_on[0, 0, 1, 1] == pytest.approx(1.0)
+    assert found.by_friction[0, 0, 0, 1] == pytest.approx(-K * DT / 2, rel=1e-3)
+    assert abs(found.goes_on[0, -1, 1, 1]) < 0.5  # creeps as MuJoCo's constraint does
+    assert found.by_friction[0, 0, -1, 1] == 0.0
+
+
+def test_other_friction_shows_as_it_changes_where_the_cart_stops():
+    """M v² / 2 F: a share of 1 % more friction is a way shorter by 1 %."""
+    cart, more = (SLIDE.format(joint=f'frictionloss="{f}"', more="") for f in (1.0, 1.0001))
+    found, _ = changes(cart, 0.1, others=[more])
+    state = np.zeros(2)
+    for t in range(ROWS):
+        state = found.goes_on[0, t] @ state + found.by_friction_of[0, 0, t]
+    assert state[0] == pytest.approx(-1e-4 * 2 * 0.1**2 / 2, rel=0.1)
+
+
+def test_a_cable_pulls_in_the_steps_in_which_it_is_taut():
+    """The cart passes the cable's length amid a row, from which on the cable's slack counts."""
+    cart = SLIDE.format(joint="", more=CABLE)
+    found, _ = changes(cart, 0.25)  # 0.04 s, two rows, to where the cable is taut
+    shows = found.by_slack[0, 0, :, 1]
+    assert np.all(shows[:2] == 0.0)
+    assert shows[3] == pytest.approx(300 / 2 * K * DT, rel=0.05)
+    assert found.goes_on[0, 0] == pytest.approx(np.array([[1, K * DT], [0, 1]]))
+    w = np.sqrt(300 / 2) * K * DT
+    assert found.goes_on[0, 4, 1, 1] == pytest.approx(np.cos(w), abs=0.01)
+
+
+def logged(module, folder):
+    """A machine of some tests, and a folder with a log of it."""
+    path = module.machine(folder)
+    more = {"noise": 0.0} if module is swinging_models else {}
+    (folder / "logs").mkdir()
+    module.log(folder / "logs" / "session_1.csv", 1, **more)
+    return opened(path, folder / "logs")
+
+
+@pytest.mark.parametrize("module", [moving_models, pulled_lever, swinging_models])
+def test_derivatives_along_a_motion_are_those_of_simulations(module, tmp_path):
+    case, pieces, point = logged(module, tmp_path)
+    machine, declared = case.machine, case.declared
+    steps = np.diag([each.step for each in declared])
+    twins = machine._in_motion([point, *(point.after(step) for step in steps)])
+    found = derivatives(twins, declared, pieces)
+    here, *there = machine.respond([point, *(point.after(step) for step in steps)], pieces)
+    known = np.isfinite(pieces.measured)
+    assert len(found) >= len(declared) - 1
+    for each, shown in zip(declared, there, strict=True):
+        if each.name not in found:
+            assert "joint shoulder" in each.name  # whose motion is prescribed
+            continue
+        told, change = found[each.name][known] * each.step, (shown - here)[known]
+        if np.abs(change).max() > 1e-7:
+            assert np.linalg.norm(told - change) < 0.03 * np.linalg.norm(change), each.name
+
+
+def test_a_trace_takes_derivatives_along_one_motion(tmp_path):
+    case, pieces, point = logged(moving_models, tmp_path)
+    found = case.machine.derivatives(point, pieces, case.noise)
+    assert set(found) == {each.name for each in case.declared}
