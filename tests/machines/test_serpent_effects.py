@@ -74,6 +74,14 @@ def test_an_effect_acts_alike(arm, name):
     assert_alike(arm, effect, effect)
 
 
+def test_forces_at_two_links_act_side_by_side_as_alone(arm):
+    """Though each adds a site to another link, so that markers have other numbers."""
+    of, *_ = arm
+    two = [CATALOGUE["constant_force"](0.2, place=place) for place in (0.5, 0.25)]
+    both = of.as_models(*[(each,) for each in two])
+    assert both[1] == pytest.approx(of.as_model(two[1]), abs=1e-9)
+
+
 @pytest.mark.parametrize("name", ["cable_creep", "cable_friction", "cable_stiffening"])
 def test_an_effect_on_one_cable_acts_alike(arm, name):
     effect = replace(CATALOGUE[name].variants()[0], strand=22.0)

@@ -51,10 +51,15 @@ class Serpent:
 
     def as_model(self, *there):
         """By the engine of all machines."""
-        point = SimpleNamespace(declared=np.zeros(len(self.machine.declared)), there=there)
+        return self.as_models(there)[0]
+
+    def as_models(self, *several):
+        """Several twins side by side by that engine, (D, S, T, 37)."""
+        none = np.zeros(len(self.machine.declared))
+        points = [SimpleNamespace(declared=none, there=there) for there in several]
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(model_machine, "effects_at", lambda at: at.there)
-            return self.machine.respond([point], self.pieces)[0]
+            return self.machine.respond(points, self.pieces)
 
     def by_itself(self, *there):
         """By the arm's own engine."""

@@ -1,6 +1,6 @@
 """Let laws change what is seen of a model: of a site, of all that cameras see, of what a column reads."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -30,7 +30,9 @@ def only_seen(effect: Effect) -> bool:
 class Views:
     """What n runs show of a machine's sites and columns, and how that changes with these."""
 
-    def __init__(self, machine: Described, batch: Batch) -> None:
+    def __init__(self, machine: Described, batch: Batch, site_at: Callable[[str], Array]) -> None:
+        """`site_at` says where a site is in the world [m], (n, 3)."""
+        self._site_at = site_at
         model, measured = batch.model, machine.about.measured
         columns = [(each, name) for each in measured for name in each.columns]
         self._columns = {name: n for n, (_, name) in enumerate(columns)}
@@ -38,7 +40,7 @@ class Views:
         self._sites = {each.site: each for each in measured if each.site}
         self._model, fields = (
             model,
-            ("xpos", "xmat", "site_xpos", "site_xmat", "cvel", "subtree_com"),
+            ("xpos", "xmat", "site_xmat", "cvel", "subtree_com"),
         )
         self._of = {name: batch.bind(name) for name in fields}
         frames = [each.frame for each in measured]
@@ -74,7 +76,7 @@ class Views:
             return size
         if handle == "camera_turn":
             return cross(size, shown)
-        at = self._of["site_xpos"][:, n]
+        at = self._site_at(site)
         if handle == "camera_delay":
             motion, about = (
                 self._of["cvel"][:, body],

@@ -1,6 +1,7 @@
 """Read what is measured out of simulations, as the log has it."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -34,6 +35,7 @@ class Seen:
     ) -> None:
         self._machine, self._about, self._frame, self._twins = machine, machine.about, frame, twins
         self._cameras, self._driven = self._of_cameras(), list[str]()
+        self._sites: dict[str, NDArray[np.intp]] = {}
         self.efforts = NO_EFFORTS
         """What drives the joints of which that is measured"""
         self.of_forces = any(_is_force(machine.model, each) for each in self._about.measured)
@@ -42,9 +44,15 @@ class Seen:
         self.stage = int(stages.mjSTAGE_ACC if self.of_forces else stages.mjSTAGE_VEL)
         """What MuJoCo must compute of a row before it is read"""
 
+    def _of_site(self, batch: Batch, field: str, name: str) -> Array:
+        """A field of a site in all runs."""
+        if name in self._sites:
+            return batch.bind(field)[np.arange(len(self._sites[name])), self._sites[name]]
+        return batch.bind(field)[:, batch.model.site(name).id]
+
     def views(self, batch: Batch) -> Views:
         """How laws change what is seen."""
-        return Views(self._machine, batch)
+        return Views(self._machine, batch, partial(self._of_site, batch, "site_xpos"))
 
     @property
     def sites(self) -> NDArray[np.intp]:
@@ -60,6 +68,11 @@ class Seen:
         """Let the batch keep what is read, before its first step; of the runs' models, where forces drive."""
         self._driven = [e.joint for e in self._about.measured if models and e.of_effort and e.joint]
         self.efforts = Efforts.at(models, self._driven) if self._driven else NO_EFFORTS
+        several = {id(each): each for each in models}
+        if len(several) > 1:  # an effect may add a site, after which all others have another number
+            names = [each.site for each in self._about.measured if each.site]
+            of = {n: [model.site(name).id for name in names] for n, model in several.items()}
+            self._sites = dict(zip(names, np.array([of[id(m)] for m in models]).T, strict=True))
         for field in _READ:
             batch.bind(field)
 
@@ -70,9 +83,8 @@ class Seen:
         for each in self._about.measured:
             kind, name = each.of
             if kind == "site":
-                n = model.site(name).id
-                turn = batch.bind("site_xmat")[:, n].reshape(-1, 3, 3)
-                at = batch.bind("site_xpos")[:, n] + turn @ np.array(each.point)
+                turn = self._of_site(batch, "site_xmat", name).reshape(-1, 3, 3)
+                at = self._of_site(batch, "site_xpos", name) + turn @ np.array(each.point)
                 at = in_frame(batch, model, each.frame, at) if each.frame else at
                 found.append(self._by_cameras(at) if each.cameras else at)
             elif kind == "joint" and each.of_effort:
