@@ -38,7 +38,7 @@ def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
 
     What is prescribed has no limits, and no damping: nothing else would notice it, and implicit integration
     takes it for a force that holds back. Dry and viscous friction of a joint in motion only add to what
-    drives it, see `Effort`; its user data keep them, and its own armature.
+    drives it, see `Efforts`; its user data keep them, and its own armature.
     """
     moves = machine.about.rows == MOTION
     if machine.prescribed and spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4:
