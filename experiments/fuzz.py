@@ -20,17 +20,18 @@ from tqdm import tqdm
 from serpent_twin.arm.geometry import markers
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
-from serpent_twin.emulator.device.responder import Responder
-from serpent_twin.emulator.device.servos import Servos
 from serpent_twin.emulator.motors import SimulatedMotors
+from serpent_twin.emulator.responder import Responder
+from serpent_twin.emulator.servos import Servos
 from serpent_twin.errors import SerpentError
+from serpent_twin.hardware import natnet_packets as packets
+from serpent_twin.hardware import natnet_reading as reading
 from serpent_twin.hardware import protocol
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, read_setup, write_setup
 from serpent_twin.hardware.dynamixel.turns import LastSeen, read_turns, write_turns
 from serpent_twin.hardware.motive import read_take
-from serpent_twin.hardware.natnet import packets, reading
-from serpent_twin.hardware.natnet.reading import PacketError
+from serpent_twin.hardware.natnet_reading import PacketError
 from serpent_twin.readouts import find, load, windows
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from serpent_twin.arm.geometry import ARM, Arm
-    from serpent_twin.attachment import Attached, attach
     from serpent_twin.emulator.simulated_bus import SimulatedBus
     from serpent_twin.errors import SerpentError
     from serpent_twin.estimators import load as load_readout
     from serpent_twin.hardware.dynamixel import DynamixelBus
     from serpent_twin.hardware.motor_bus import MotorBus
+    from serpent_twin.interchange.attached import Attached
+    from serpent_twin.interchange.attaching import attach
     from serpent_twin.robots import LoggedMachine as Machine
     from serpent_twin.robots import residual, simulate, trace
     from serpent_twin.sessions import Session, read_folder, read_session
@@ -45,7 +46,7 @@ __all__ = [
 _WHERE = {
     "ARM": "arm.geometry:ARM",
     "Arm": "arm.geometry:Arm",
-    "Attached": "attachment:Attached",
+    "Attached": "interchange.attached:Attached",
     "DynamixelBus": "hardware.dynamixel:DynamixelBus",
     "Machine": "robots:LoggedMachine",
     "MotorBus": "hardware.motor_bus:MotorBus",
@@ -55,7 +56,7 @@ _WHERE = {
     "SimulatedBus": "emulator.simulated_bus:SimulatedBus",
     "Twin": "sim.twin:Twin",
     "TwinModel": "sim.twin_model:TwinModel",
-    "attach": "attachment:attach",
+    "attach": "interchange.attaching:attach",
     "load_readout": "estimators:load",
     "read_folder": "sessions:read_folder",
     "read_session": "sessions:read_session",

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import tyro
 
-from serpent_twin import interchange
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
+from serpent_twin.interchange.exported import read_given
+from serpent_twin.interchange.formats import named
 from serpent_twin.runs.files import write_whole
 
 
@@ -28,8 +29,8 @@ def main(
     """
     if out.exists():
         raise SerpentError(f"{out} exists. Name another file.")
-    form = interchange.named(to)
-    written = form.write(interchange.read_given(twin, out.parent))
+    form = named(to)
+    written = form.write(read_given(twin, out.parent))
     out.parent.mkdir(parents=True, exist_ok=True)
     write_whole(out, written.text)
     print(f"{out}: {form.about}")

@@ -7,7 +7,7 @@ import tyro
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.hardware.find_frame import Straight, measure
-from serpent_twin.hardware.natnet.live import NatNet
+from serpent_twin.hardware.natnet_live import NatNet
 from serpent_twin.sessions.merge import HEADING, Merge, merge
 
 

@@ -24,9 +24,9 @@ from serpent_twin.arm.control import joint_p_control, random_targets
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, RateHz, Seed
-from serpent_twin.emulator.device import Running, running
-from serpent_twin.emulator.device.verify import Event, check_rows, read_transcript
+from serpent_twin.emulator.child import Running, running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.emulator.verify import Event, check_rows, read_transcript
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel import DynamixelBus
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup

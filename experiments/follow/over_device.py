@@ -13,8 +13,8 @@ from experiments.follow.paths import PATHS
 from experiments.follow.trial import FIRST, LIMITS, RATES
 from experiments.study_arms import StudyArm
 from serpent_twin import stored
-from serpent_twin.emulator.device import running
-from serpent_twin.emulator.device.options import CAMERAS
+from serpent_twin.emulator.child import running
+from serpent_twin.emulator.device_options import CAMERAS
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.hardware.xl430 import CENTRE

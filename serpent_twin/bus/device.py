@@ -6,9 +6,9 @@ from pathlib import Path
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
-from serpent_twin.emulator.device import Running, running
-from serpent_twin.emulator.device.options import DeviceOptions, build
-from serpent_twin.emulator.device.orders import Orders
+from serpent_twin.emulator.child import Running, running
+from serpent_twin.emulator.device_options import DeviceOptions, build
+from serpent_twin.emulator.orders import Orders
 from serpent_twin.runs.files import unused
 
 __all__ = ["Running", "running"]

@@ -12,8 +12,8 @@ from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.closing import Closing
 from serpent_twin.errors import SerpentError
+from serpent_twin.hardware import natnet_packets as natnet
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
-from serpent_twin.hardware.natnet import packets as natnet
 
 TICK_HZ = 10_000_000  # Windows' performance counter, which Motive's stamps count
 FORGOTTEN = 5.0  # s without a message after which a client gets no more frames

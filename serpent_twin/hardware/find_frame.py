@@ -12,7 +12,7 @@ from serpent_twin.arrays import Array, known_mean
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import Rigid, fit_rigid
-from serpent_twin.hardware.natnet.live import NatNet, NatNetMocap
+from serpent_twin.hardware.natnet_live import NatNet, NatNetMocap
 from serpent_twin.numerals import counted
 from serpent_twin.stored import within
 

@@ -20,7 +20,7 @@ from serpent_twin.command_line.options import (
     Workers,
     when,
 )
-from serpent_twin.hardware.natnet.live import NatNet
+from serpent_twin.hardware.natnet_live import NatNet
 from serpent_twin.recording.motion import read as read_motion
 from serpent_twin.sim import arm_file
 from serpent_twin.sim.arm_file import ArmFile

@@ -42,6 +42,6 @@ def cameras_of(config: Collect) -> Mocap:
     if config.real.mocap == "none":
         return NoMocap()
     from serpent_twin.hardware.base_frame import Rigid
-    from serpent_twin.hardware.natnet.live import NatNetMocap
+    from serpent_twin.hardware.natnet_live import NatNetMocap
 
     return NatNetMocap(config.real.natnet, Rigid.load(config.real.frame))

@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from serpent_twin.arm import meshes, mjcf, routing
+from serpent_twin.arm import meshes, mjcf, routing, solids
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
-from serpent_twin.arm.meshes import solids
 
 PARTS = meshes.parts(ARM)
 SIDES = [(j, name) for j in range(N_MOTORS) for name in routing.SIDES]

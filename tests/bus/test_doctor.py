@@ -8,7 +8,7 @@ import pytest
 from typed import typed
 from wire_bench import touch
 
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.dynamixel import ArmSetup
 from serpent_twin.hardware.dynamixel.examination import examine

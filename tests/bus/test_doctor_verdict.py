@@ -11,7 +11,7 @@ import pytest
 from wire_bench import touch
 
 from serpent_twin.bus import doctor
-from serpent_twin.emulator.device import Running, running
+from serpent_twin.emulator.child import Running, running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.dynamixel import DynamixelBus, setup, turns

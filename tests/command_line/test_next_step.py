@@ -18,7 +18,7 @@ from typed import typed
 from serpent_twin import mocap, next_step, sweep, train
 from serpent_twin.command_line import cli
 from serpent_twin.effects.payload import Payload
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.identification.run import Trace, planned
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect
@@ -241,7 +241,7 @@ def test_a_frame_is_used_by_a_run_that_can_begin(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     from serpent_twin.hardware.base_frame import IDENTITY
     from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
-    from serpent_twin.hardware.natnet.live import NatNet
+    from serpent_twin.hardware.natnet_live import NatNet
     from serpent_twin.hardware.xl430 import CENTRE
 
     there = NatNet(server="10.0.0.7", labels=tuple("abcdefghi"))

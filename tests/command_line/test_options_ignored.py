@@ -9,7 +9,7 @@ from typed import typed
 
 from serpent_twin.arm.parameters import Parameters
 from serpent_twin.errors import SerpentError
-from serpent_twin.hardware.natnet.stream import NatNet
+from serpent_twin.hardware.natnet_stream import NatNet
 
 FILE = Path("file")
 NATNET = {each.name for each in NatNet.__dataclass_fields__.values()}

@@ -16,7 +16,7 @@ from readme import commands, module, options, small
 from scipy.interpolate import CubicSpline
 from typed import typed
 
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.hardware.base_frame import IDENTITY
 from serpent_twin.sessions import read_session
 from serpent_twin.sim.twin import replay_motors
@@ -46,7 +46,7 @@ NOT_RUN = {
     "python -m serpent_twin.log info robot": "needs recordings; tests/exchange/test_import.py",
     "python -m serpent_twin.log check robot": "needs recordings; tests/exchange/test_import.py",
     "python -m serpent_twin.replay robot": "needs recordings; tests/exchange/test_import.py",
-    "python -m serpent_twin.export": "needs a twin of a machine; tests/attachment/test_export.py",
+    "python -m serpent_twin.export": "needs a twin of a machine; tests/interchange/test_export.py",
     "python -m serpent_twin.trace --logs logs next_logs": "as above; tests/machines/test_rig_folders.py",
     "python -m serpent_twin.collect --backend real --motion": "tests/recording/test_motion.py",
     "python -m serpent_twin.collect --twin data/arm_a_trace/twin.json --motion": "as above",

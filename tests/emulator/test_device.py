@@ -17,7 +17,7 @@ from dynamixel_sdk import COMM_SUCCESS, GroupBulkRead, GroupBulkWrite
 from sdk_client import ACCESS, BLOCK, IDS, INSTRUCTION, LENGTH, LIMIT, OK, RANGE, Client, sync_read
 
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware import protocol
 from serpent_twin.hardware.control_table import TABLE

@@ -23,11 +23,11 @@ from sdk_client import (
 )
 
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.emulator.device import running
-from serpent_twin.emulator.device.faults import KINDS, Fault, Strikes, named
-from serpent_twin.emulator.device.options import DeviceOptions, build
-from serpent_twin.emulator.device.orders import Orders
-from serpent_twin.emulator.device.responder import Responder, accesses
+from serpent_twin.emulator.child import running
+from serpent_twin.emulator.device_options import DeviceOptions, build
+from serpent_twin.emulator.faults import KINDS, Fault, Strikes, named
+from serpent_twin.emulator.orders import Orders
+from serpent_twin.emulator.responder import Responder, accesses
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware import protocol
 

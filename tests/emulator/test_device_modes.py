@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sdk_client import OK, RANGE, RESULT_FAIL
 
-from serpent_twin.emulator.device.options import DeviceOptions, build
+from serpent_twin.emulator.device_options import DeviceOptions, build
 from serpent_twin.hardware.control_table import TABLE
 
 UNIT = 0.229 / 60 * 4096  # [counts/s] of a word of velocity

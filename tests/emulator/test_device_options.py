@@ -10,10 +10,10 @@ from sdk_client import LIMIT, OK, Client
 
 from serpent_twin.bus.device import main
 from serpent_twin.command_line import cli
-from serpent_twin.emulator.device import running
-from serpent_twin.emulator.device.faults import KINDS
-from serpent_twin.emulator.device.options import DeviceOptions, build
-from serpent_twin.emulator.device.responder import Responder
+from serpent_twin.emulator.child import running
+from serpent_twin.emulator.device_options import DeviceOptions, build
+from serpent_twin.emulator.faults import KINDS
+from serpent_twin.emulator.responder import Responder
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware import protocol
 from serpent_twin.hardware.control_table import TABLE

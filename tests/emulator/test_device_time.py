@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from sdk_client import IDS, OK, RANGE, Client, send, sync_read
 
-from serpent_twin.emulator.device import child, running
-from serpent_twin.emulator.device.options import DeviceOptions, build
-from serpent_twin.emulator.device.orders import Orders
+from serpent_twin.emulator import child
+from serpent_twin.emulator.child import running
+from serpent_twin.emulator.device_options import DeviceOptions, build
+from serpent_twin.emulator.orders import Orders
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware import protocol
 from serpent_twin.hardware.control_table import BAUD_RATES

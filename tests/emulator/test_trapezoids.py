@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from serpent_twin.emulator.device import profile
-from serpent_twin.emulator.device.profile import ProfileType
+from serpent_twin.emulator import profile
+from serpent_twin.emulator.profile import ProfileType
 
 
 def moved(made):

@@ -9,7 +9,7 @@ import pytest
 from experiments.fault_matrix import __main__ as fault_matrix
 from experiments.fault_matrix.result_page import LABELS
 from experiments.result_page import markdown
-from serpent_twin.emulator.device.verify import check_rows, read_transcript
+from serpent_twin.emulator.verify import check_rows, read_transcript
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from wire_bench import PERIOD, WIDE, words
 
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware import xl430
 from serpent_twin.hardware.dynamixel import DynamixelBus

@@ -9,7 +9,7 @@ import pytest
 from wire_bench import MILD, PERIOD, WIDE, real_time, words
 from wire_proxy import BadCable
 
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.dynamixel import DynamixelBus, reading
 from serpent_twin.hardware.dynamixel.reader import StateReader

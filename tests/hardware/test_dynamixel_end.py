@@ -12,7 +12,7 @@ import pytest
 from wire_bench import peek, real_time
 
 from serpent_twin.closing import Closing
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.dynamixel import DynamixelBus

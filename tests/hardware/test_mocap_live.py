@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 from serpent_twin.arm.geometry import markers
 from serpent_twin.emulator.natnet_server import SimulatedCameras
 from serpent_twin.errors import SerpentError
+from serpent_twin.hardware import natnet_live
 from serpent_twin.hardware.base_frame import Rigid
 from serpent_twin.hardware.find_frame import Straight, measure
-from serpent_twin.hardware.natnet import live as natnet_live
-from serpent_twin.hardware.natnet.live import NatNet, NatNetMocap
+from serpent_twin.hardware.natnet_live import NatNet, NatNetMocap
 
 Y_UP = Rigid(Rotation.from_euler("xyz", [0.2, 1.5, -0.4]).as_matrix(), np.array([0.3, 1.9, 2.5]))
 
@@ -124,7 +124,7 @@ def test_silence_wrong_labels_and_bad_addresses_are_explained():
 def test_an_open_stream_does_not_keep_a_program_alive():
     with stage() as it:
         code = (
-            "from serpent_twin.hardware.natnet.live import NatNet, NatNetMocap\n"
+            "from serpent_twin.hardware.natnet_live import NatNet, NatNetMocap\n"
             f"NatNetMocap(NatNet(command_port={it.cameras.port})).connect()\n"
             "raise SystemExit(7)"
         )

@@ -12,8 +12,9 @@ from natnet_stage import FORGED, STRAIGHT, sender, stage
 from experiments.fuzz import mutants
 from serpent_twin.emulator.natnet_server import NAMES, TICK_HZ
 from serpent_twin.errors import SerpentError
-from serpent_twin.hardware.natnet import live, packets
-from serpent_twin.hardware.natnet.live import NatNet, NatNetMocap
+from serpent_twin.hardware import natnet_live as live
+from serpent_twin.hardware import natnet_packets as packets
+from serpent_twin.hardware.natnet_live import NatNet, NatNetMocap
 
 FRAME = packets.frame_of_data((4, 1), 1, "arm", STRAIGHT + 0.3, [False] * 9, 9.0, (1, 2, 3))
 FLOOD = """

@@ -7,8 +7,9 @@ import pytest
 
 from experiments.fuzz import mutants
 from serpent_twin.arm.geometry import markers
-from serpent_twin.hardware.natnet import packets, reading
-from serpent_twin.hardware.natnet.reading import PacketError
+from serpent_twin.hardware import natnet_packets as packets
+from serpent_twin.hardware import natnet_reading as reading
+from serpent_twin.hardware.natnet_reading import PacketError
 
 VERSIONS = ((3, 0), (3, 1), (4, 0), (4, 1), (4, 2))
 STAMPS = (7_000_000, 7_040_000, 7_050_000)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from serpent_twin.bus.zero import Zero, set_zero
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.hardware.dynamixel import DynamixelBus
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, find_setup, read_setup, write_setup
 from serpent_twin.hardware.dynamixel.turns import read_turns, turns_file

@@ -12,7 +12,7 @@ from live_runs import STEPS, estimated, logged, spread, train_few
 
 from serpent_twin.arm.geometry import joint_from_motor, markers
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Estimator, load
 from serpent_twin.estimators.belief import Belief

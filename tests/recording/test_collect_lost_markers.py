@@ -10,7 +10,7 @@ import pytest
 from natnet_stage import FORGED, STRAIGHT, sender, stage
 from session_log import make_session
 
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup

@@ -14,7 +14,7 @@ import pytest
 from wire_bench import peek
 
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.hardware.xl430 import CENTRE

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from serpent_twin.emulator.device import running
-from serpent_twin.emulator.device.verify import read_transcript
+from serpent_twin.emulator.child import running
+from serpent_twin.emulator.verify import read_transcript
 from serpent_twin.hardware.cameras import NoMocap
 from serpent_twin.hardware.dynamixel import DynamixelBus, bus, find_setup
 from serpent_twin.hardware.dynamixel.registers import MotorRegisters

@@ -3,7 +3,7 @@
 import pytest
 from sdk_client import Client
 
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 
 
 @pytest.fixture

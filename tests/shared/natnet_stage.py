@@ -9,8 +9,8 @@ import numpy as np
 
 from serpent_twin.arm.geometry import markers
 from serpent_twin.emulator.natnet_server import TICK_HZ, SimulatedCameras
-from serpent_twin.hardware.natnet import packets
-from serpent_twin.hardware.natnet.live import NatNet
+from serpent_twin.hardware import natnet_packets as packets
+from serpent_twin.hardware.natnet_live import NatNet
 
 STRAIGHT = markers(np.zeros(9))
 

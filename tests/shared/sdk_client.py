@@ -10,7 +10,7 @@ from dynamixel_sdk import (
     Protocol2PacketHandler,
 )
 
-from serpent_twin.emulator.device.responder import Responder
+from serpent_twin.emulator.responder import Responder
 from serpent_twin.hardware import protocol
 from serpent_twin.hardware.control_table import TABLE
 

@@ -3,7 +3,7 @@
 from contextlib import contextmanager
 from dataclasses import fields
 
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.dynamixel import DynamixelBus
 from serpent_twin.hardware.dynamixel.setup import ArmSetup

@@ -12,7 +12,7 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN
-from serpent_twin.emulator.device import running
+from serpent_twin.emulator.child import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup

@@ -8,11 +8,11 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
-from serpent_twin.sessions.markers.suspects import ODD_SCALE
 from serpent_twin.sessions.merge import agree, labels
 from serpent_twin.sessions.merge.align import Clock, refine
 from serpent_twin.sessions.merge.film import Film, sampled
 from serpent_twin.sessions.merge.search import COVER, findable, peaks, search
+from serpent_twin.sessions.suspect_markers import ODD_SCALE
 
 CERTAIN = 0.5  # share of the motion that the prediction must explain
 AMBIGUOUS = 1.5  # the second best place leaves at least this many times the best one's square

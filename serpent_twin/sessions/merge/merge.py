@@ -18,14 +18,15 @@ from serpent_twin.hardware.motive import Take, read_take
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions import (
     Session,
+    marker_fit,
     read_session,
     refuse_odd_markers,
     say_unread,
     session_files,
     write_session,
 )
-from serpent_twin.sessions.markers import FEWEST, marker_fit
-from serpent_twin.sessions.markers.together import DOUBTED, HALVED
+from serpent_twin.sessions.markers import FEWEST
+from serpent_twin.sessions.markers_together import DOUBTED, HALVED
 from serpent_twin.sessions.merge import agree
 from serpent_twin.sessions.merge.film import Film, sampled
 from serpent_twin.sessions.merge.match import Match, match

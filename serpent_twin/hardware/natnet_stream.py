@@ -27,10 +27,10 @@ from typing import Annotated
 import numpy as np
 
 from serpent_twin.command_line.options import Port, when
-from serpent_twin.hardware.natnet import packets as natnet
-from serpent_twin.hardware.natnet import reading
-from serpent_twin.hardware.natnet.packets import Id
-from serpent_twin.hardware.natnet.reading import FrameOfData, PacketError, ServerInfo
+from serpent_twin.hardware import natnet_packets as natnet
+from serpent_twin.hardware import natnet_reading as reading
+from serpent_twin.hardware.natnet_packets import Id
+from serpent_twin.hardware.natnet_reading import FrameOfData, PacketError, ServerInfo
 from serpent_twin.stored import within
 
 STALE = 0.25  # s without a frame after which no marker counts as seen

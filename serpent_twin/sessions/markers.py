@@ -1,8 +1,9 @@
 """Check that the markers of a session are this arm's: all nine, in order, in metres, in the base frame.
 
 Nine joint angles explain 27 coordinates, so 18 a row are left that only the arm's geometry sets. What no
-pose explains is measured twice: row by row (`rows`), and as the places on the links on which all rows agree
-(`together`). Joint 1's own turn is not visible from the base: motor 1 gives the frame's turn about it.
+pose explains is measured twice: row by row (`marker_rows`), and as the places on the links on which all
+rows agree (`markers_together`). Joint 1's own turn is not visible from the base: motor 1 gives the frame's
+turn about it.
 """
 
 from collections.abc import Iterator
@@ -10,10 +11,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS, joint_from_motor
+from serpent_twin.sessions import marker_rows, markers_together
 from serpent_twin.sessions.finding import Finding, spans_text
-from serpent_twin.sessions.markers import rows, together
-from serpent_twin.sessions.markers.lost import frozen, lost
-from serpent_twin.sessions.markers.posed import IMPOSSIBLE, posed
+from serpent_twin.sessions.lost_markers import frozen, lost
+from serpent_twin.sessions.posed_markers import IMPOSSIBLE, posed
 from serpent_twin.sessions.session import Session
 
 __all__ = ["check"]
@@ -46,12 +47,12 @@ def geometry(session: Session) -> Iterator[Finding]:
     joint, left = posed(marker, start)
     bad = ~(left <= IMPOSSIBLE)
     if bad.mean() > SPOILED:
-        yield Finding("error", rows.what_is_wrong(marker, start, left, bad, looked))
+        yield Finding("error", marker_rows.what_is_wrong(marker, start, left, bad, looked))
         return
     if bad.any():
         yield Finding(
             "warning",
             f"The nearest poses of the arm miss the markers by up to {1e3 * left.max():.0f} mm rms in "
-            f"{spans_text(looked[bad], rows.BRIDGED)}: one was mistaken for another, or jumped.",
+            f"{spans_text(looked[bad], marker_rows.BRIDGED)}: one was mistaken for another, or jumped.",
         )
-    yield from together.faults(marker[~bad], start[~bad], joint[~bad], looked[~bad])
+    yield from markers_together.faults(marker[~bad], start[~bad], joint[~bad], looked[~bad])

@@ -4,8 +4,8 @@ import re
 from collections.abc import Sequence
 
 from serpent_twin.arm.geometry import N_JOINTS
-from serpent_twin.hardware.natnet.packets import Id
-from serpent_twin.hardware.natnet.reading import Model
+from serpent_twin.hardware.natnet_packets import Id
+from serpent_twin.hardware.natnet_reading import Model
 from serpent_twin.numerals import counted
 
 

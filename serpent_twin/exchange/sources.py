@@ -1,7 +1,6 @@
-"""Read recordings of one kind of file each: every module here has a `SOURCE`."""
+"""Read recordings of one kind of file each: every module `*_source` here has a `SOURCE`."""
 
 import importlib
-import pkgutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -12,8 +11,8 @@ from serpent_twin.exchange.messages import Source
 
 def every() -> list[Source]:
     """All sources."""
-    names = sorted(file.name for file in pkgutil.iter_modules([str(Path(__file__).parent)]))
-    return [importlib.import_module(f"{__name__}.{name}").SOURCE for name in names]
+    names = sorted(file.stem for file in Path(__file__).parent.glob("*_source.py"))
+    return [importlib.import_module(f"{__package__}.{name}").SOURCE for name in names]
 
 
 def recordings_in(path: Path) -> list[tuple[Path, Source]]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serpent_twin.hardware.natnet import packets as natnet
+from serpent_twin.hardware import natnet_packets as natnet
 
 FARTHEST = 1e3  # m: no cameras see as far
 LATEST = 1e9  # s: Motive counts from the start of its stream or take

@@ -5,7 +5,7 @@ From ROBOTIS' e-manual, "Protocol 2.0", Control Table Backup (0x20), and Startup
 
 from collections.abc import Mapping
 
-from serpent_twin.emulator.device.control_table import ControlTable
+from serpent_twin.emulator.control_table import ControlTable
 from serpent_twin.hardware.control_table import TABLE, Item
 
 STORE, RESTORE = b"\x01CTRL", b"\x02CTRL"

@@ -10,9 +10,9 @@ from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
 from serpent_twin.hardware.cameras import MarkerFrame, Mocap
-from serpent_twin.hardware.natnet.labels import chosen, ids_by_name
-from serpent_twin.hardware.natnet.packets import Id
-from serpent_twin.hardware.natnet.stream import STALE, Frame, NatNet, Stream
+from serpent_twin.hardware.natnet_labels import chosen, ids_by_name
+from serpent_twin.hardware.natnet_packets import Id
+from serpent_twin.hardware.natnet_stream import STALE, Frame, NatNet, Stream
 
 REVIVED = 1.0  # s without any of the arm's markers after which the stream is requested again
 

@@ -13,7 +13,9 @@ import trimesh
 from example import Example, opened
 from typed import typed
 
-from serpent_twin import SerpentError, interchange
+from serpent_twin import SerpentError
+from serpent_twin.interchange.exported import read_given
+from serpent_twin.interchange.formats import named
 from serpent_twin.machines.machine import ParameterVector
 
 ISAACLAB = (  # isaac-sim.github.io/IsaacLab, isaaclab.actuators, 2.3 and 3.0
@@ -35,7 +37,7 @@ def twin(tmp_path_factory):
 
 
 def written(path, to, folder):
-    return interchange.named(to).write(interchange.read_given(path, folder))
+    return named(to).write(read_given(path, folder))
 
 
 def configured(text, folder, module, monkeypatch):
@@ -217,13 +219,13 @@ def test_the_verb_writes_says_what_is_lost_and_overwrites_nothing(twin, tmp_path
 
 def test_what_is_no_twin_is_refused(twin, tmp_path, motors):
     with pytest.raises(SerpentError, match="there is no format 'usd'; there are: isaaclab, mjcf"):
-        interchange.named("usd")
+        named("usd")
     with pytest.raises(SerpentError, match=r"twin\.json"):
-        interchange.read_given(tmp_path, tmp_path)
+        read_given(tmp_path, tmp_path)
     xml = motors / "twin.xml"
     xml.write_text(re.sub(r"<(motor|velocity).*?/>", "", MOTORS))
     with pytest.raises(SerpentError, match="no actuator drives a single joint"):
         written(motors, "isaaclab", tmp_path)
     xml.unlink()
     with pytest.raises(SerpentError, match=r"twin\.json and twin\.xml belong together"):
-        interchange.read_given(motors, tmp_path)
+        read_given(motors, tmp_path)

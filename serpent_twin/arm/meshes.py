@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
+from serpent_twin.arm import solids
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm
-from serpent_twin.arm.meshes import solids
-from serpent_twin.arm.meshes.solids import beam, block, disc, hoop, joined, placed, strut
+from serpent_twin.arm.solids import beam, block, disc, hoop, joined, placed, strut
 
 NYLON = 1010.0  # [kg/m³] PA12: HP's data sheet of its 3D High Reusability PA 12, 1.01 g/cm³
 STEEL = 7850.0  # [kg/m³] carbon steel
@@ -45,7 +45,7 @@ class Part:
 
 def parts(arm: Arm) -> list[Part]:
     """All parts of the robot, the base first, then motors, links and jaw."""
-    from serpent_twin.arm.meshes.base import base_parts, motor_parts  # it imports this module
+    from serpent_twin.arm.mesh_base import base_parts, motor_parts  # it imports this module
 
     links = [part for link in range(N_JOINTS) for part in _link_parts(arm, link)]
     return [*base_parts(arm), *motor_parts(arm), *links, *_jaw_parts(arm)]

@@ -5,10 +5,10 @@ from enum import IntEnum
 
 import numpy as np
 
-from serpent_twin.emulator.device import profile
-from serpent_twin.emulator.device.control_table import ControlTable
-from serpent_twin.emulator.device.profile import Profile
+from serpent_twin.emulator import profile
+from serpent_twin.emulator.control_table import ControlTable
 from serpent_twin.emulator.motors import SimulatedMotors
+from serpent_twin.emulator.profile import Profile
 from serpent_twin.hardware import xl430
 from serpent_twin.hardware.control_table import TABLE
 

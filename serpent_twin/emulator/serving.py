@@ -10,14 +10,14 @@ from itertools import count
 import numpy as np
 
 from serpent_twin.arm.geometry import N_MOTORS
-from serpent_twin.emulator.device.faults import Fault, Faults, Strikes
-from serpent_twin.emulator.device.orders import Orders
-from serpent_twin.emulator.device.responder import Reply, Responder
-from serpent_twin.emulator.device.servos import Servos
-from serpent_twin.emulator.device.terminal import Terminal
-from serpent_twin.emulator.device.transcript import Transcript
+from serpent_twin.emulator.faults import Fault, Faults, Strikes
 from serpent_twin.emulator.motors import VOLTAGE_ERROR
 from serpent_twin.emulator.natnet_server import SimulatedCameras
+from serpent_twin.emulator.orders import Orders
+from serpent_twin.emulator.responder import Reply, Responder
+from serpent_twin.emulator.servos import Servos
+from serpent_twin.emulator.terminal import Terminal
+from serpent_twin.emulator.transcript import Transcript
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware import xl430
 from serpent_twin.hardware.control_table import BAUD_RATES

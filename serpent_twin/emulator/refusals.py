@@ -1,7 +1,7 @@
 """Refuse what may not be written to a servo's registers now."""
 
-from serpent_twin.emulator.device.control_table import ControlTable, Words
-from serpent_twin.emulator.device.drives import TIME_BASED, Mode
+from serpent_twin.emulator.control_table import ControlTable, Words
+from serpent_twin.emulator.drives import TIME_BASED, Mode
 from serpent_twin.hardware.control_table import Item
 from serpent_twin.hardware.protocol import Error
 

@@ -11,13 +11,13 @@ from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import GIVEN, Checked, RateHz, Seed, Use, when
-from serpent_twin.emulator.device.faults import Fault, Faults, help_text
-from serpent_twin.emulator.device.serving import Device
-from serpent_twin.emulator.device.servos import Servos
-from serpent_twin.emulator.device.terminal import Terminal
-from serpent_twin.emulator.device.transcript import Transcript
+from serpent_twin.emulator.faults import Fault, Faults, help_text
 from serpent_twin.emulator.motors import SimulatedMotors
 from serpent_twin.emulator.natnet_server import SimulatedCameras
+from serpent_twin.emulator.serving import Device
+from serpent_twin.emulator.servos import Servos
+from serpent_twin.emulator.terminal import Terminal
+from serpent_twin.emulator.transcript import Transcript
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import Rigid
 from serpent_twin.hardware.xl430 import CENTRE

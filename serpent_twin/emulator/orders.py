@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from typing import TextIO
 
-from serpent_twin.emulator.device.terminal import Terminal
+from serpent_twin.emulator.terminal import Terminal
 
 
 class Orders:

@@ -8,10 +8,10 @@ import numpy as np
 from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
-from serpent_twin.attachment.commands import Commands
-from serpent_twin.attachment.one_run import OneRun
-from serpent_twin.attachment.readings import SensedNow
 from serpent_twin.effects import Effect, name_of
+from serpent_twin.interchange.commands import Commands
+from serpent_twin.interchange.one_run import OneRun
+from serpent_twin.interchange.readings import SensedNow
 from serpent_twin.machines.model.clocks import Clocks
 from serpent_twin.machines.model.state_effects import Acting
 from serpent_twin.machines.model.state_laws import StateLaws

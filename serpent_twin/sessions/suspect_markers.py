@@ -11,8 +11,8 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import Rigid, fit_rigid
-from serpent_twin.sessions.markers.marker_fit import MarkerFit, fit
-from serpent_twin.sessions.markers.posed import missed
+from serpent_twin.sessions.marker_fit import MarkerFit, fit
+from serpent_twin.sessions.posed_markers import missed
 
 LABELS = "Correct the labels, in Motive or by --labels, and export or record again."
 FRAME = "Find the base frame again: python -m serpent_twin.mocap frame --help."

@@ -5,9 +5,9 @@ import numpy as np
 from serpent_twin.arm.geometry import markers
 from serpent_twin.arrays import Array
 from serpent_twin.numerals import listed
+from serpent_twin.sessions import suspect_markers
 from serpent_twin.sessions.finding import spans_text
-from serpent_twin.sessions.markers import suspects
-from serpent_twin.sessions.markers.posed import CLOSE, posed
+from serpent_twin.sessions.posed_markers import CLOSE, posed
 
 POSSIBLE = 5e-3  # m rms of rows once a fault is undone
 BRIDGED = 3  # rows between two of a kind that are reported with them
@@ -25,12 +25,12 @@ def what_is_wrong(
     miss = (
         f"The nearest poses of the arm miss the markers by {1e3 * np.median(left[bad]):.0f} mm rms"
     )
-    best = suspects.found(marker[bad], start[bad], POSSIBLE)
+    best = suspect_markers.found(marker[bad], start[bad], POSSIBLE)
     if best is None:
         return (
             f"{miss}, {_where(bad, looked)}, and no single fault of scale, frame, order or place explains "
             "it: they are of another machine, in another frame, or their labels are mixed up. "
-            f"{suspects.LABELS} {suspects.FRAME}"
+            f"{suspect_markers.LABELS} {suspect_markers.FRAME}"
         )
     suspect, remains = best
     undone = suspect.undo(marker)

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from serpent_twin.emulator.device.control_table import ControlTable
-from serpent_twin.emulator.device.servos import RESET_ALL, Servos
+from serpent_twin.emulator.control_table import ControlTable
+from serpent_twin.emulator.servos import RESET_ALL, Servos
 from serpent_twin.hardware import protocol
 from serpent_twin.hardware.control_table import BAUD_RATES, FIRST_RAM_ADDRESS, TABLE
 from serpent_twin.hardware.protocol import BROADCAST, Error, Instruction, Packet

@@ -6,9 +6,9 @@ import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS, markers
 from serpent_twin.arrays import Array
+from serpent_twin.sessions import marker_fit, suspect_markers
 from serpent_twin.sessions.finding import Finding, spans_text
-from serpent_twin.sessions.markers import marker_fit, suspects
-from serpent_twin.sessions.markers.rows import BRIDGED, STILL, spread
+from serpent_twin.sessions.marker_rows import BRIDGED, STILL, spread
 
 MISPLACED = 11e-3  # m: links that are built 2 % off make a marker seem up to 8.7 off in 80 arms
 DOUBTED = 2.5e-3  # m: markers misplaced by less are of no odd frame
@@ -46,10 +46,10 @@ def _places(
         scaled = marker_fit.fit(marker, joint, scale=True)
         framed = marker_fit.fit(marker, joint, frame=True, scale=True)
         for best in (scaled, framed):
-            words = suspects.odd(best)
+            words = suspect_markers.odd(best)
             if words and best.misplaced < HALVED * plain.misplaced:
                 what = f"The markers are {' and '.join(words)}{where}"
-                yield Finding("error", f"{what}. {suspects.advice(best)}")
+                yield Finding("error", f"{what}. {suspect_markers.advice(best)}")
                 return
     off = np.linalg.norm(plain.offset, axis=-1)
     for k in np.flatnonzero((off > MISPLACED) & (off > HALVED * off.max())):
@@ -57,7 +57,7 @@ def _places(
         yield Finding(
             "error",
             f"Marker {k + 1} sits {1e3 * off[k]:.0f} mm from its place on link {k + 1} ({at} mm along "
-            f"the link's x, y, z){where}. {suspects.GLUED}",
+            f"the link's x, y, z){where}. {suspect_markers.GLUED}",
         )
     if plain.rms > SCATTER:
         yield Finding(
@@ -81,7 +81,7 @@ def _still(marker: Array, start: Array, looked: np.ndarray) -> Iterator[Finding]
         if rows:
             where = spans_text(looked[rows], BRIDGED)
             text = f"Marker {k + 1} stands still in {where} while the motors move it by {1e3 * size:.0f} mm"
-            yield Finding("error", f"{text} rms. {suspects.GLUED}")
+            yield Finding("error", f"{text} rms. {suspect_markers.GLUED}")
 
 
 def _followed(joint: Array, start: Array) -> Iterator[Finding]:
@@ -91,7 +91,7 @@ def _followed(joint: Array, start: Array) -> Iterator[Finding]:
         yield Finding(
             "error",
             f"The markers are turned by {np.degrees(turned):+.0f}° about joint 1's axis, by motor 1. "
-            f"Joint 1 was bent when the base frame or the motors' zero was found. {suspects.FRAME}",
+            f"Joint 1 was bent when the base frame or the motors' zero was found. {suspect_markers.FRAME}",
         )
     moving = start.std(axis=0) > MOVING
     if len(start) < ENOUGH or moving.sum() < 3:

@@ -8,7 +8,7 @@ import trimesh
 from serpent_twin.arm import meshes
 from serpent_twin.arm.geometry import N_MOTORS, Arm
 from serpent_twin.arm.meshes import NYLON, Part, part
-from serpent_twin.arm.meshes.solids import beam, block, disc, hoop, joined, placed
+from serpent_twin.arm.solids import beam, block, disc, hoop, joined, placed
 
 _FRAME, _SERVO, _HORN, _WINCH, _BOARD = (
     (0.30, 0.33, 0.37),

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from serpent_twin.emulator.device import backup
-from serpent_twin.emulator.device.control_table import ControlTable, Words
-from serpent_twin.emulator.device.drives import GOAL_OF, Drives, Mode
-from serpent_twin.emulator.device.refusals import WATCHDOG_TRIPPED, refusal
+from serpent_twin.emulator import backup
+from serpent_twin.emulator.control_table import ControlTable, Words
+from serpent_twin.emulator.drives import GOAL_OF, Drives, Mode
 from serpent_twin.emulator.motors import SimulatedMotors
+from serpent_twin.emulator.refusals import WATCHDOG_TRIPPED, refusal
 from serpent_twin.hardware.control_table import BAUD_RATES, FIRST_RAM_ADDRESS, TABLE, Item
 from serpent_twin.hardware.protocol import ALERT, Error
 

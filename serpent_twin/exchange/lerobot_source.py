@@ -7,7 +7,7 @@ from pathlib import Path
 from serpent_twin import tables
 from serpent_twin.errors import SerpentError
 from serpent_twin.exchange.messages import Recorded
-from serpent_twin.exchange.sources.table import messages_of
+from serpent_twin.exchange.table_source import messages_of
 from serpent_twin.tables.lerobot import EPISODE
 
 _TIME = "timestamp"

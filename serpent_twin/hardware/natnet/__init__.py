@@ -1,1 +1,0 @@
-"""Read OptiTrack's live stream."""
