@@ -10,7 +10,7 @@ from experiments.confusion.arm_line import BETWEEN, FAILED, ArmLine
 from experiments.confusion.arms import AS_BUILT, BY_FIT
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR
 from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
-from serpent_twin.identification.wording import DISCOVERED
+from serpent_twin.effects.discovered import DISCOVERED
 
 NAMED = 0.90
 """Rate at which effects are named from the strength on that is sought"""

@@ -18,12 +18,12 @@ from experiments.measured.split import by_time
 from serpent_twin import machines, stored
 from serpent_twin.identification import Trace, held_out
 from serpent_twin.identification.discovery import with_laws
-from serpent_twin.identification.fitted import NORMAL_95
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.fitted import NORMAL_95
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.run import trace_sessions
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.twin_file import read_twin
+from serpent_twin.machines.measured import read_twin
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.tables.log import Log
 

@@ -12,12 +12,12 @@ from typing import Any
 from serpent_twin.identification.build_diagnosis import estimates
 from serpent_twin.identification.diagnosis import ParameterEstimate
 from serpent_twin.identification.discovery import with_laws
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.twin_file import read_twin
+from serpent_twin.machines.measured import read_twin
 from serpent_twin.residual import Comparison
 from serpent_twin.tables.log import Log
 

@@ -21,6 +21,8 @@ from serpent_twin.effects.law import (
 from serpent_twin.effects.law_shape import SHAPES, LawShape
 from serpent_twin.effects.links import let_hold
 
+DISCOVERED = "discovered"
+"""The name of an effect that a trace composed"""
 _ANY = 1e9
 
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import at_its_end, between
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import bettered
-from serpent_twin.identification.objective import cost_at
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import at_its_end, between
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.least_squares import bettered
+from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.identification.score_test import times_strength
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.held_out import CONFIRMED, Errors, Gain, gain
 from serpent_twin.identification.rivals import APART, Pair, Rival
 from serpent_twin.identification.score_test import (

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.uncertainty import drawn
 from serpent_twin.identification.neglected import neglected
-from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.case import Case
 from serpent_twin.residual.noise import Noise, expected_distance
 

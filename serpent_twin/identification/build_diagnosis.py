@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from serpent_twin.effects.discovered import DISCOVERED
 from serpent_twin.identification.acceptance import (
     Round,
     Selection,
@@ -28,17 +29,17 @@ from serpent_twin.identification.diagnosis import (
 )
 from serpent_twin.identification.discovery import FreeCurve, free_curve, steps_alike, stuck
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
-from serpent_twin.identification.fitted import NORMAL_95, Fit
-from serpent_twin.identification.free_parameters import unstable
+from serpent_twin.identification.fitting.fitted import NORMAL_95, Fit
+from serpent_twin.identification.fitting.free_parameters import unstable
+from serpent_twin.identification.fitting.profile import interval, near_zero
+from serpent_twin.identification.fitting.standard_errors import stated
+from serpent_twin.identification.fitting.uncertainty import indistinguishable
 from serpent_twin.identification.held_out import Errors, errors, gain
 from serpent_twin.identification.moved import Moved, moved
-from serpent_twin.identification.profile import interval, near_zero
 from serpent_twin.identification.score_test import at_bound, strengths
-from serpent_twin.identification.standard_errors import stated
 from serpent_twin.identification.steps import Tracer
-from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.identification.unexplained import SUSPECT, unexplained
-from serpent_twin.identification.wording import DISCOVERED, spaced
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import analyse

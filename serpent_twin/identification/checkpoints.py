@@ -12,8 +12,8 @@ import numpy as np
 from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import FreeParameters
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import ParameterVector

@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from serpent_twin.identification.acceptance import Round, accepting, weakness
-from serpent_twin.identification.fitted import NORMAL_95, Fit
-from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.identification.fitting.fitted import NORMAL_95, Fit
+from serpent_twin.identification.fitting.free_parameters import FreeParameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Gain, gave_up
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.score_test import Score, strengths
 from serpent_twin.identification.trials import Trials

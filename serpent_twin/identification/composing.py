@@ -15,7 +15,7 @@ from serpent_twin.identification.discovery import (
     of_shape,
     turned,
 )
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.moved import moved
 from serpent_twin.identification.neglected import neglected

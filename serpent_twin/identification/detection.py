@@ -18,8 +18,15 @@ from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import SURE, WORTH_IT
 from serpent_twin.identification.excitation import advice, excitation
 from serpent_twin.identification.explained import EffectChange, Explained, explain
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.least_squares import fit, spread, telling
+from serpent_twin.identification.fitting.weak_directions import (
+    NamedParameter,
+    WeakDirection,
+    weakest_directions,
+)
 from serpent_twin.identification.identifiability import (
     ALIKE,
     EffectIdentifiability,
@@ -27,14 +34,7 @@ from serpent_twin.identification.identifiability import (
     ParameterIdentifiability,
 )
 from serpent_twin.identification.imitated import Imitation
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import fit, spread, telling
 from serpent_twin.identification.score_test import Score, strengths
-from serpent_twin.identification.weak_directions import (
-    NamedParameter,
-    WeakDirection,
-    weakest_directions,
-)
 from serpent_twin.identification.wording import tried_with
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case

@@ -6,6 +6,7 @@ from typing import Any
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import law_of, place_of
+from serpent_twin.effects.discovered import DISCOVERED
 from serpent_twin.effects.law import parse
 from serpent_twin.effects.law_causes import look_for
 from serpent_twin.identification.acceptance import PairTrial
@@ -17,7 +18,7 @@ from serpent_twin.identification.moved import Moved
 from serpent_twin.identification.next_motion import NOT_EXCITED, next_motion
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.identification.unexplained import SUSPECT, Unexplained
-from serpent_twin.identification.wording import DISCOVERED, spaced
+from serpent_twin.identification.wording import spaced
 from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
 from serpent_twin.residual.whiteness import Whiteness

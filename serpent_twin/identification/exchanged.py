@@ -21,11 +21,11 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import mark
-from serpent_twin.identification.fitted import Fit, fits_better
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.fitted import Fit, fits_better
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import derives_cheaply, fit
 from serpent_twin.identification.from_opening import nominal_start
 from serpent_twin.identification.held_out import gain, gave_up
-from serpent_twin.identification.least_squares import derives_cheaply, fit
 from serpent_twin.identification.score_test import too_strong
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced

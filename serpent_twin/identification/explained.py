@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.objective import cost_at, variance_inflation
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.objective import cost_at, variance_inflation
 from serpent_twin.identification.score_test import Score, strengths
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case

@@ -8,11 +8,11 @@ import numpy as np
 
 from serpent_twin.identification.acceptance import CandidateTrial
 from serpent_twin.identification.explained import weighed_by_left
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import derives_cheaply, fit
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.least_squares import derives_cheaply, fit
 from serpent_twin.identification.score_test import worth_fitting
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import OnProgress, fit
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import OnProgress, fit
 from serpent_twin.identification.score_test import Score, strengths, times, times_strength
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case

@@ -5,7 +5,7 @@ from typing import Any
 
 from serpent_twin.identification.acceptance import weakness
 from serpent_twin.identification.discovery import composed_law
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.held_out import Errors, Gain, chance, gain
 from serpent_twin.identification.laws_to_fit import sensor_of
 from serpent_twin.identification.left_out import better_left_out

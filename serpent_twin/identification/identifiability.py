@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from serpent_twin.identification.excitation import InputExcitation
-from serpent_twin.identification.weak_directions import WeakDirection
+from serpent_twin.identification.fitting.weak_directions import WeakDirection
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
 from serpent_twin.residual import SessionChange, settling_text

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import descend
-from serpent_twin.identification.objective import At, Objective
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.least_squares import descend
+from serpent_twin.identification.fitting.objective import At, Objective
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 

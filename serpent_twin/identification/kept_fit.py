@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.checkpoints import Checkpoints, Number, fit_arrays, fit_in
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.runs.files import write_arrays

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.information import Information
 from serpent_twin.identification.held_out import blocks, chance
-from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
 
 _SHOWS = 0.1

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.information import Information
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.information import Information
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Quantity

@@ -7,7 +7,7 @@ would be named for it.
 
 from typing import Any
 
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.machines.case import Case
 
 

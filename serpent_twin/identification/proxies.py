@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from serpent_twin.identification.acceptance import Round, accepting, weakness
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import gave_up
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.relieved import relieves
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials

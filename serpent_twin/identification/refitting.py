@@ -7,9 +7,9 @@ from dataclasses import replace
 from serpent_twin.identification.acceptance import Round
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.discovery import better_thresholds
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
-from serpent_twin.identification.objective import cost_at
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import UnstableStartError, free_parameters
+from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.identification.steps import BEATS, Tracer
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.machine import ParameterVector

@@ -21,12 +21,12 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.first_picture import begin_report
+from serpent_twin.identification.fitting.uncertainty import drawn
 from serpent_twin.identification.kept_fit import keep
 from serpent_twin.identification.page import page
 from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.summary import summary
-from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.rig import is_named, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import versions_text, write

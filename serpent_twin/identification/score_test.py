@@ -10,9 +10,9 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range, place_of
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import steadied
-from serpent_twin.identification.information import Information
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import steadied
+from serpent_twin.identification.fitting.information import Information
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector

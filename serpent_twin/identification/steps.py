@@ -29,13 +29,13 @@ from serpent_twin.identification.checkpoints import Checkpoints, mark
 from serpent_twin.identification.components import without_undetermined
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.exchanged import exchanged
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import FreeParameters, free_parameters
+from serpent_twin.identification.fitting.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.from_opening import Opening, behind, from_opening, opened
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
-from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.relieved import relieved, strained

@@ -18,7 +18,7 @@ from serpent_twin.identification.diagnosis import (
 )
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.figures import ranked, stages
-from serpent_twin.identification.fitted import NORMAL_95
+from serpent_twin.identification.fitting.fitted import NORMAL_95
 from serpent_twin.identification.wording import placed, spaced
 from serpent_twin.numerals import capital, counted
 from serpent_twin.reporting.report import Table

@@ -20,13 +20,13 @@ from serpent_twin.identification.acceptance import (
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.discovery.composed import APART
-from serpent_twin.identification.fitted import Fit, fits_better
-from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
+from serpent_twin.identification.fitting.fitted import Fit, fits_better
+from serpent_twin.identification.fitting.free_parameters import UnstableStartError, free_parameters
+from serpent_twin.identification.fitting.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.gained import gained, happens_once
 from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.laws_to_fit import laws_to_fit, sensor_of
-from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals

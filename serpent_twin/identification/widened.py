@@ -9,14 +9,14 @@ import numpy as np
 from serpent_twin.identification.acceptance import CHANCE, HARDLY, CandidateTrial, Round
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.explained import weighed_by_left
-from serpent_twin.identification.fitted import Fit, fits_better
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.fitted import Fit, fits_better
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.least_squares import fit
+from serpent_twin.identification.fitting.objective import cost_at, variance_inflation
 from serpent_twin.identification.from_opening import HOPELESS
 from serpent_twin.identification.held_out import Errors, gain, gave_up
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.left_out import chance_of_selection
-from serpent_twin.identification.objective import cost_at, variance_inflation
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case

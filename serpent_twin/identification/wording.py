@@ -8,13 +8,11 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range, law_of, place_of
+from serpent_twin.effects.discovered import DISCOVERED
 from serpent_twin.effects.law import HANDLES, SPRING, Law, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.estimates import ParameterEstimate, length_of
 from serpent_twin.numerals import listed
-
-DISCOVERED = "discovered"
-"""The name of an effect that was composed"""
 
 
 def spaced(name: str) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.free_parameters import jacobian, steadied
-from serpent_twin.identification.information import Information
+from serpent_twin.identification.fitting.free_parameters import jacobian, steadied
+from serpent_twin.identification.fitting.information import Information
 from serpent_twin.identification.score_test import strengths
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.planning.criterion import Question, gram

@@ -13,8 +13,8 @@ from serpent_twin import machines, stored
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import kept_fit
 from serpent_twin.identification.discovery import with_laws
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import jacobian
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import jacobian
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Rig, notes_on, read_logs

@@ -9,7 +9,7 @@ from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_from_motor, markers
 from serpent_twin.arrays import Array
 from serpent_twin.readouts.linear import ridge_weights, with_one
 from serpent_twin.readouts.network import forward
-from serpent_twin.readouts.network.regression import Regression
+from serpent_twin.readouts.regression import Regression
 from serpent_twin.readouts.residual import pose_features
 from serpent_twin.readouts.residual_mlp import ResidualMlp
 from serpent_twin.readouts.saved import Penalty, Wanted, layer_weights, numbers

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from serpent_twin.arrays import Array
 from serpent_twin.readouts.network import forward
-from serpent_twin.readouts.network.regression import Regression
+from serpent_twin.readouts.regression import Regression
 from serpent_twin.readouts.saved import Layers, Rounds, Units, Wanted, layer_weights
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.readouts import part
 from serpent_twin.readouts.network import forward
-from serpent_twin.readouts.network.regression import Regression
+from serpent_twin.readouts.regression import Regression
 from serpent_twin.readouts.residual import Residual, pose_feature_count, pose_features
 from serpent_twin.readouts.saved import (
     Layers,

@@ -13,7 +13,7 @@ from experiments.measured import split as measured_split
 from serpent_twin import machines
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.run import _file
-from serpent_twin.machines.recording import read_runs
+from serpent_twin.machines.measured import read_runs
 
 traced = measured_traces.traced
 

@@ -12,9 +12,9 @@ from serpent_twin.identification.absorbed import (
     without_ends,
     without_move,
 )
-from serpent_twin.identification.free_parameters import at_its_end, between, free_parameters
-from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.objective import cost_at
+from serpent_twin.identification.fitting.free_parameters import at_its_end, between, free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
+from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.identification.score_test import scores
 
 TAKEN = 6.0

@@ -17,10 +17,10 @@ from serpent_twin.identification.acceptance import (
     weakness_of_fit,
     why_not,
 )
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors, Gain, gain
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.identification.score_test import Score, _nearer, scores
 from serpent_twin.machines.candidate import Candidate

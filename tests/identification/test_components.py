@@ -11,9 +11,9 @@ from serpent_twin.effects import Range
 from serpent_twin.identification.build_diagnosis import estimates
 from serpent_twin.identification.components import without_undetermined
 from serpent_twin.identification.estimates import ParameterEstimate
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.candidate import Candidate
 

@@ -10,9 +10,9 @@ from serpent_twin.identification import Trace, composing, steps, trace
 from serpent_twin.identification.acceptance import CandidateTrial, Round
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.case import Stopwatch
 
 

@@ -9,17 +9,17 @@ from scipy.stats import t as student
 
 from serpent_twin.effects import Range
 from serpent_twin.identification.acceptance import CandidateTrial, why_not
-from serpent_twin.identification.fitted import NORMAL_95
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.fitted import NORMAL_95
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.least_squares import fit, telling
+from serpent_twin.identification.fitting.objective import variance_inflation
+from serpent_twin.identification.fitting.standard_errors import standard_errors, stated
+from serpent_twin.identification.fitting.uncertainty import indistinguishable
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors, blocks, chance, gain, together
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import fit, telling
 from serpent_twin.identification.left_out import left_out
-from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import placed, scores, worth_fitting
-from serpent_twin.identification.standard_errors import standard_errors, stated
-from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared
 

@@ -9,10 +9,10 @@ from linear_case import GUST, START, case, every
 from serpent_twin.identification import trials as tried
 from serpent_twin.identification.acceptance import CandidateTrial
 from serpent_twin.identification.checkpoints import Checkpoints
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.case import Stopwatch
 
 

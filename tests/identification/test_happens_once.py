@@ -7,10 +7,10 @@ import pytest
 from linear_case import GUST, START, LinearCase, case, every
 
 from serpent_twin.identification.acceptance import CHANCE, weakness
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.gained import gained, happens_once
 from serpent_twin.identification.held_out import Errors, gain
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.left_out import better_left_out, chance_of_selection
 from serpent_twin.identification.score_test import scores
 

@@ -12,14 +12,14 @@ from serpent_twin.identification import detection
 from serpent_twin.identification.acceptance import WORTH_IT
 from serpent_twin.identification.detection import identifiability
 from serpent_twin.identification.excitation import excitation
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.score_test import scores
-from serpent_twin.identification.weak_directions import (
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
+from serpent_twin.identification.fitting.weak_directions import (
     NamedParameter,
     in_words,
     weakest_directions,
 )
+from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.machine import Declared, Output
 from serpent_twin.residual import ANGLE, TORQUE, Comparison
 

@@ -9,9 +9,9 @@ from bench_arm import NONE, Job, draw, inject, record_many
 from serpent_twin.identification.acceptance import SURE
 from serpent_twin.identification.check_logs import Check, check
 from serpent_twin.identification.detection import identifiability, opening_fit
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.arm import MACHINE
 from serpent_twin.machines.machine import ParameterVector

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from linear_case import GUST, START, case, every
 
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 
 
 def test_an_interval_is_wider_by_what_a_law_simplifies():

@@ -11,10 +11,11 @@ from serpent_twin.effects import Range
 from serpent_twin.identification.acceptance import CandidateTrial, accepting
 from serpent_twin.identification.bars import BEYOND, Bars
 from serpent_twin.identification.build_diagnosis import _stands_in
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.least_squares import fit
+from serpent_twin.identification.fitting.uncertainty import drawn
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.moved import _expected, moved
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
@@ -25,7 +26,6 @@ from serpent_twin.identification.score_test import (
     scores,
 )
 from serpent_twin.identification.trials import Trials
-from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import MARKERS

@@ -9,9 +9,9 @@ from linear_case import GUST, START, case, every, scored
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import kept_fit
 from serpent_twin.identification.checkpoints import Checkpoints
-from serpent_twin.identification.free_parameters import free_parameters, jacobian
+from serpent_twin.identification.fitting.free_parameters import free_parameters, jacobian
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.full_fit import full_fit
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.run import _seen_from
 from serpent_twin.machines.case import Stopwatch
 

@@ -7,10 +7,10 @@ import pytest
 from linear_case import GUST, START, LinearCase, case, every
 from scipy.optimize import brentq
 
-from serpent_twin.identification.fitted import NORMAL_95
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.profile import NEAR, interval, near_zero
+from serpent_twin.identification.fitting.fitted import NORMAL_95
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
+from serpent_twin.identification.fitting.profile import NEAR, interval, near_zero
 
 
 @dataclass(frozen=True)

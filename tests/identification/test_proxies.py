@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from linear_case import GUST, NOTHING, START, case, every
 
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.held_out import Errors, gain
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.proxies import needless, without_proxies
 from serpent_twin.identification.score_test import scores
 

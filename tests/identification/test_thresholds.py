@@ -10,8 +10,8 @@ from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery import better_thresholds
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import FreeParameters
 from serpent_twin.machines.machine import ParameterVector
 
 STEP = "slack of cable1_plus: above runtime of machine"

@@ -13,10 +13,10 @@ from serpent_twin.identification.acceptance import CandidateTrial, Round, Select
 from serpent_twin.identification.build_diagnosis import _unstable, _verdict
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.diagnosis import UNSTABLE, Tried
-from serpent_twin.identification.free_parameters import free_parameters, jacobian, unstable
+from serpent_twin.identification.fitting.free_parameters import free_parameters, jacobian, unstable
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors, gave_up
-from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import scores
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Stopwatch

@@ -8,9 +8,9 @@ import pytest
 from linear_case import GUST, LinearCase, case, every
 from scipy.optimize import minimize
 
-from serpent_twin.identification.fitted import NORMAL_95
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.fitted import NORMAL_95
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.machines.arm.machine import ArmMachine
 from serpent_twin.machines.machine import Declared, ParameterVector
 from serpent_twin.machines.model import open_machine

@@ -9,8 +9,8 @@ from paths import ROOT
 
 from serpent_twin.effects.law import parse
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 

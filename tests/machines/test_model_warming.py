@@ -7,8 +7,8 @@ from example import opened
 from made_diagnosis import IDENTIFIABILITY
 
 from serpent_twin.identification import check_logs
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.residual import settled
 
 RUBS, SECONDS = 0.06, 60.0

@@ -9,8 +9,8 @@ from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.kinematic_calibration import Kinematics
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.identification.build_diagnosis import _calibrated
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import FreeParameters
 from serpent_twin.machines import trunk
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.quantities import quantities

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from trunk_runs import answer, log, made, moving, shape
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.trunk import MACHINE, Trunk
 from serpent_twin.machines.trunk.shape import ANGLES, CHANNEL, ENDS_AT, GOALS, KINDS, SEEN, TURNED

@@ -10,14 +10,14 @@ from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.discovery import discover
-from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.measured.twin_file import read_twin
 from serpent_twin.machines.trunk import MACHINE, Trunk
 from serpent_twin.machines.trunk.motion import CHANGED, PLACES, TrunkMoment
 from serpent_twin.machines.trunk.shape import GOALS, SEEN
-from serpent_twin.machines.twin_file import read_twin
 from serpent_twin.tables.segments import Stretch, cut
 
 

@@ -9,13 +9,13 @@ from serpent_twin.identification.bars import Bars
 from serpent_twin.identification.diagnosis import Diagnosis, Named, Tried
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.excitation import InputExcitation
+from serpent_twin.identification.fitting.weak_directions import WeakDirection
 from serpent_twin.identification.identifiability import (
     EffectIdentifiability,
     Identifiability,
     ParameterIdentifiability,
 )
 from serpent_twin.identification.unexplained import Unexplained
-from serpent_twin.identification.weak_directions import WeakDirection
 from serpent_twin.residual import Comparison, analyse, marker_size
 from serpent_twin.residual.learned import Learned
 from serpent_twin.residual.whiteness import whiteness

@@ -9,8 +9,8 @@ import numpy as np
 
 from serpent_twin.identification.discovery.composed import Composed
 from serpent_twin.identification.discovery.screen import Search
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.objective import variance_inflation
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.objective import variance_inflation
 from serpent_twin.machines.places import Places
 
 _LEAST = 1e-3

@@ -8,10 +8,10 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range, law_of, place_of
+from serpent_twin.effects.discovered import DISCOVERED
 from serpent_twin.effects.law import HANDLES, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery.composed import Composed
-from serpent_twin.identification.wording import DISCOVERED
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
 

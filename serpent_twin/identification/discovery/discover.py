@@ -16,8 +16,8 @@ from serpent_twin.identification.discovery.composed import Composed
 from serpent_twin.identification.discovery.followed import Way, swinging
 from serpent_twin.identification.discovery.screen import Search, screened
 from serpent_twin.identification.discovery.stuck import held_by_friction
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.least_squares import OnProgress
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.least_squares import OnProgress
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.places import Places, response_at

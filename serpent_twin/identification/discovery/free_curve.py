@@ -12,7 +12,7 @@ from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery.candidates import FORM
 from serpent_twin.identification.discovery.screen import Search
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.places import response_at
 

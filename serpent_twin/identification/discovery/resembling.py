@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import law_of, place_of
+from serpent_twin.effects.discovered import DISCOVERED
 from serpent_twin.effects.law import HANDLES, Law, parse
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.wording import DISCOVERED
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.machines.candidate import Candidate
 
 _BODY = "body"

@@ -41,8 +41,8 @@ from serpent_twin.identification.discovery.sums import (
     columns,
     shown,
 )
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.information import Information
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.information import Information
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.places import Places, Response, in_one_sensor
 

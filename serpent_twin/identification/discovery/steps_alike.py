@@ -7,11 +7,11 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import place_of
+from serpent_twin.effects.discovered import DISCOVERED
 from serpent_twin.effects.law import Law, parse
 from serpent_twin.identification.discovery.candidates import FORM
 from serpent_twin.identification.discovery.composed import APART
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.wording import DISCOVERED
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.machines.case import Case
 
 _SHARE = 0.05

@@ -15,7 +15,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import JOINT_FRICTION, Law
 from serpent_twin.identification.discovery.composed import Composed
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.places import Places, response_at
 

@@ -13,7 +13,7 @@ from serpent_twin.identification.discovery.candidates import FORM
 from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.discovery.followed import HELD, Way
 from serpent_twin.identification.discovery.screen import Search
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.places import response_at

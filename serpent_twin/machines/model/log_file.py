@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.measured import KEY
 from serpent_twin.machines.model.clocks import in_sequence
 from serpent_twin.machines.model.description import (
     MOTION,
@@ -33,7 +34,6 @@ from serpent_twin.machines.model.known import STATED, stated
 from serpent_twin.machines.model.log_files import LogTables, find
 from serpent_twin.machines.model.log_poses import poses
 from serpent_twin.machines.model.log_rows import RawLog, rows_in_motion
-from serpent_twin.machines.recording import KEY
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
 from serpent_twin.tables import DataTable, imported, lerobot

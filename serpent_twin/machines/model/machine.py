@@ -21,6 +21,7 @@ from serpent_twin.machines.machine import (
     by_coordinate,
     effects_at,
 )
+from serpent_twin.machines.measured import RunMachine
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.derivatives import MIN_STEPS, agree, derivatives
@@ -46,7 +47,6 @@ from serpent_twin.machines.model.state_effects import acting_on_state
 from serpent_twin.machines.model.switches import separate
 from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.machines.proposals import Proposals
-from serpent_twin.machines.run_machine import RunMachine
 from serpent_twin.residual import Measure
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments, cut

@@ -21,9 +21,8 @@ from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity, effects_at
+from serpent_twin.machines.measured import RunMachine, read_runs, read_twin
 from serpent_twin.machines.places import PlacesInRow
-from serpent_twin.machines.recording import read_runs
-from serpent_twin.machines.run_machine import RunMachine
 from serpent_twin.machines.trunk import body
 from serpent_twin.machines.trunk.motion import SIMULATED, Trunks
 from serpent_twin.machines.trunk.places import at_places
@@ -43,7 +42,6 @@ from serpent_twin.machines.trunk.shape import (  # fmt: skip
     restored,
     turned,
 )
-from serpent_twin.machines.twin_file import read_twin
 from serpent_twin.residual import MARKERS, Measure
 from serpent_twin.runs.processes import threads
 from serpent_twin.tables.log import Log

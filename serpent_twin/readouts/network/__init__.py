@@ -1,4 +1,4 @@
-"""Share the code of readouts that are networks: torch trains them, numpy runs them."""
+"""Train networks with torch, and run them with numpy."""
 
 import os
 

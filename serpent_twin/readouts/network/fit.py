@@ -9,7 +9,6 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.extras import requires
-from serpent_twin.readouts import Epoch, Progress
 
 with requires("learn", "Training a network"):
     import torch
@@ -121,24 +120,26 @@ def train(
     validation: Samples,
     schedule: Plateau | OneCycle,
     rng: np.random.Generator,
-    progress: Progress,
-) -> list[Epoch]:
-    """Train in place, leave the weights of the best validation loss, and return all epochs."""
+    after_epoch: Callable[[float, float, float, float], None],
+) -> None:
+    """Train in place, and leave the weights of the best validation loss. `after_epoch` is called with the
+    training loss, the validation loss, the learning rate and the wall time [s] of each epoch.
+    """
     rate = schedule.rate_control(net, len(data.x))
     shuffle = torch.Generator().manual_seed(int(rng.integers(2**31)))
-    history, best, best_loss = [], copy.deepcopy(net.state_dict()), np.inf
-    while len(history) < schedule.epochs and not rate.spent:
+    epochs, best, best_loss = 0, copy.deepcopy(net.state_dict()), np.inf
+    while epochs < schedule.epochs and not rate.spent:
         began = time.perf_counter()
         train_loss = _pass(net, data, schedule, rate, shuffle)
         with torch.inference_mode():
             loss = schedule.loss(net, validation).item()
-        history.append(Epoch(train_loss, loss, rate.value, time.perf_counter() - began))
+        spent = rate.value, time.perf_counter() - began
         rate.after_epoch(loss)
         if loss < best_loss:
             best, best_loss = copy.deepcopy(net.state_dict()), loss
-        progress(len(history), schedule.epochs, loss)
+        epochs += 1
+        after_epoch(train_loss, loss, *spent)
     net.load_state_dict(best)
-    return history
 
 
 def _pass(

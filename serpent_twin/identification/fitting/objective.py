@@ -8,8 +8,8 @@ import numpy as np
 import scipy
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import (
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import (
     FreeParameters,
     curved,
     jacobian,

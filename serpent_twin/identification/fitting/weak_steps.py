@@ -18,9 +18,14 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.free_parameters import FreeParameters, curved, room, straight
-from serpent_twin.identification.objective import At, Objective, least
-from serpent_twin.identification.standard_errors import idealised
+from serpent_twin.identification.fitting.free_parameters import (
+    FreeParameters,
+    curved,
+    room,
+    straight,
+)
+from serpent_twin.identification.fitting.objective import At, Objective, least
+from serpent_twin.identification.fitting.standard_errors import idealised
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 

@@ -7,8 +7,8 @@ import numpy as np
 import scipy
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import NORMAL_95, Fit
-from serpent_twin.identification.free_parameters import prior_information
+from serpent_twin.identification.fitting.fitted import NORMAL_95, Fit
+from serpent_twin.identification.fitting.free_parameters import prior_information
 from serpent_twin.machines.case import Case
 
 _ALONE = 0.1

@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import Effect
-from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.identification.fitting.free_parameters import FreeParameters
 from serpent_twin.machines.machine import ParameterVector
 
 _LEAST = 1e-9

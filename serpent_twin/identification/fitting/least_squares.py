@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification import weak_steps
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters, between
-from serpent_twin.identification.objective import At, Objective
-from serpent_twin.identification.standard_errors import standard_errors
+from serpent_twin.identification.fitting import weak_steps
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import FreeParameters, between
+from serpent_twin.identification.fitting.objective import At, Objective
+from serpent_twin.identification.fitting.standard_errors import standard_errors
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import at_its_end, prior_information
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import at_its_end, prior_information
 from serpent_twin.machines.case import Case
 
 _HELD = 1e8

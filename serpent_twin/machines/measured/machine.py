@@ -13,9 +13,9 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.engine.exact_xml import to_xml
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines import twin_file
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity, effects_at
+from serpent_twin.machines.measured import twin_file
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Comparison, Measure
 from serpent_twin.runs.files import write_json, write_whole

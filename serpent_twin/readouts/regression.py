@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.readouts import Progress, Readout
+from serpent_twin.readouts import Epoch, Progress, Readout
 from serpent_twin.readouts.saved import Wanted, divisors, numbers
 from serpent_twin.readouts.scale import Scale, scale_of
 from serpent_twin.readouts.windows import Start, Windows, input_size
@@ -77,7 +77,14 @@ class Regression(Readout):
         data, validation = self._samples(train), self._samples(validate)
         net = fit.build(lambda: self._make(data.x.shape[-1]), rng)
         schedule = self._schedule(len(data.x))
-        self.history = fit.train(net, data, validation, schedule, rng, progress)
+        history: list[Epoch] = []
+
+        def after_epoch(*numbers: float) -> None:
+            history.append(Epoch(*numbers))
+            progress(len(history), schedule.epochs, history[-1].validation_loss)
+
+        fit.train(net, data, validation, schedule, rng, after_epoch)
+        self.history = history
         if not np.isfinite([epoch.validation_loss for epoch in self.history]).any():
             raise SerpentError(
                 f"the training of {self.name} diverged: its validation loss is a number after none of "

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import moved
+from serpent_twin.identification.fitting.fitted import Fit
+from serpent_twin.identification.fitting.free_parameters import moved
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import listed

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.fitted import NORMAL_95, Fit
-from serpent_twin.identification.free_parameters import FreeParameters, curved
-from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import OnProgress, fit
+from serpent_twin.identification.fitting.fitted import NORMAL_95, Fit
+from serpent_twin.identification.fitting.free_parameters import FreeParameters, curved
+from serpent_twin.identification.fitting.information import Information
+from serpent_twin.identification.fitting.least_squares import OnProgress, fit
 from serpent_twin.machines.case import Case
 
 NEAR = 4.0

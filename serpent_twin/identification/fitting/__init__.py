@@ -1,0 +1,1 @@
+"""Fit a twin's parameters, with their standard errors and what several directions leave undetermined."""
