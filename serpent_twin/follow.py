@@ -4,8 +4,8 @@ import sys
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
-from serpent_twin.following.follow import follow
-from serpent_twin.following.options import Follow
+from serpent_twin.live.follow import follow
+from serpent_twin.live.follow_options import Follow
 
 
 def main(config: Follow) -> None:  # noqa: D103 tyro would print it above the config's own

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
-from serpent_twin.planning.run import Plan, plan
 from serpent_twin.recording.motion import ARM
+from serpent_twin.recording.plan import Plan, plan
 
 __all__ = ["Plan", "plan"]
 

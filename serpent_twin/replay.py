@@ -49,7 +49,7 @@ def main(
     _require_options(kind, view, part)
     out = _named(session, out, kind, moment)
     if kind == ".rrd":
-        from serpent_twin.playback import play_back  # rerun is slow to import
+        from serpent_twin.playback.recording import play_back  # rerun is slow to import
 
         said = play_back(session, out, readout, twin)
         print("\n".join(filter(None, (said, f"{out}: what rerun shows"))))
@@ -113,7 +113,9 @@ def _draw(
 ) -> None:
     """Write a picture or a video."""
     from serpent_twin.exchange import imported_log
-    from serpent_twin.playback import ShownSession, draw_picture, draw_video
+    from serpent_twin.playback.picture import draw_picture
+    from serpent_twin.playback.shown import ShownSession
+    from serpent_twin.playback.video import draw_video
 
     if imported_log.is_other(session):
         raise SerpentError(

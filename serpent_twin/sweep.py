@@ -8,7 +8,7 @@ from serpent_twin import next_step
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.command_line import cli
 from serpent_twin.numerals import counted
-from serpent_twin.reservoir.sweep.run import Sweep, report, sweep
+from serpent_twin.reservoir.sweep_run import Sweep, report, sweep
 
 __all__ = ["Sweep", "sweep"]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from serpent_twin.arm.control import target_bounds
 from serpent_twin.arrays import Array
-from serpent_twin.following.path import PathToFollow
+from serpent_twin.live.path import PathToFollow
 
 SPEED = 0.02
 """Speed of the tip on a path [m/s]"""

@@ -25,7 +25,7 @@ from experiments.follow.trial import (
 )
 from experiments.result_page import PageContent, failures
 from serpent_twin.arrays import Array
-from serpent_twin.following.picture import drawn
+from serpent_twin.live.path_picture import drawn
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
 from serpent_twin.reporting.report import Figure, Section, Table

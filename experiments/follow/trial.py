@@ -17,13 +17,13 @@ from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.observer import Observer
 from serpent_twin.estimators.weighing_observer import WeighingObserver
-from serpent_twin.following.path import PathToFollow
-from serpent_twin.following.planning import PathPlan
-from serpent_twin.following.planning import planned as path_planned
-from serpent_twin.following.reaching import TIP, JointBounds
-from serpent_twin.following.steering import PathSteering
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.live.follower import Follower
+from serpent_twin.live.path import PathToFollow
+from serpent_twin.live.path_plan import PathPlan
+from serpent_twin.live.path_plan import planned as path_planned
+from serpent_twin.live.reaching import TIP, JointBounds
+from serpent_twin.live.steering import PathSteering
 from serpent_twin.recording.loop import record
 from serpent_twin.runs.provenance import git_commit
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel

@@ -17,8 +17,8 @@ from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
-from serpent_twin.planning.run import Plan, plan
 from serpent_twin.recording import motion
+from serpent_twin.recording.plan import Plan, plan
 from serpent_twin.sessions import write_session
 from serpent_twin.stored import within
 

@@ -25,8 +25,8 @@ from serpent_twin import machines, stored
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, RateHz, Workers, used_only, when
-from serpent_twin.reservoir.sweep.rows import SweepRow
-from serpent_twin.reservoir.sweep.run import Sweep, sweep
+from serpent_twin.reservoir.sweep_rows import SweepRow
+from serpent_twin.reservoir.sweep_run import Sweep, sweep
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed

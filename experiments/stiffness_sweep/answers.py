@@ -23,7 +23,7 @@ from experiments.stiffness_sweep.trend import (
 )
 from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted
-from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, steady_readouts, values
+from serpent_twin.reservoir.sweep_rows import SweepRow, error_of, steady_readouts, values
 
 SLACK, STIFFNESS = 0, 1
 _NOTHING = 0.01  # share of all capacity that counts as none

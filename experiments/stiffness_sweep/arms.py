@@ -17,8 +17,8 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Estimator
 from serpent_twin.numerals import counted
 from serpent_twin.readouts.score import score
-from serpent_twin.reservoir.sweep import channels, pose
-from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint
+from serpent_twin.reservoir import channels, pose
+from serpent_twin.reservoir.grid_point import DROP, WINDOW, GridPoint
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
 from serpent_twin.training.split import split

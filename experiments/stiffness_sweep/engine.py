@@ -12,8 +12,8 @@ from serpent_twin.arm.geometry import ARM, N_JOINTS
 from serpent_twin.arm.mjcf import JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import addresses
-from serpent_twin.reservoir.sweep import drive
-from serpent_twin.reservoir.sweep.point import GridPoint
+from serpent_twin.reservoir import drive
+from serpent_twin.reservoir.grid_point import GridPoint
 from serpent_twin.runs.processes import processes
 from serpent_twin.sim.many_twins import TIMESTEP, hasten, substeps
 

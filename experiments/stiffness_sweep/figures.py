@@ -12,8 +12,8 @@ from experiments.stiffness_sweep.rows import Rows
 from serpent_twin.arrays import Array
 from serpent_twin.reporting.plot_style import INK, SOFT, label_logarithmic, styles, tidy
 from serpent_twin.reporting.report import Figure
-from serpent_twin.reservoir.sweep import figures as sweep_figures
-from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, readouts, values
+from serpent_twin.reservoir import sweep_figures
+from serpent_twin.reservoir.sweep_rows import SweepRow, error_of, readouts, values
 
 SHADES = "viridis"
 _ARM = {"marker": "D", "ms": 6, "ls": "", "mec": INK, "mew": 0.8}

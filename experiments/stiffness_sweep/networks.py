@@ -6,9 +6,9 @@ from pathlib import Path
 
 from experiments.stiffness_sweep.plan import GRID, SweepPlan
 from serpent_twin.command_line.options import used_only
-from serpent_twin.reservoir.sweep.point import GridPoint
-from serpent_twin.reservoir.sweep.rows import SweepRow
-from serpent_twin.reservoir.sweep.run import Sweep, sweep
+from serpent_twin.reservoir.grid_point import GridPoint
+from serpent_twin.reservoir.sweep_rows import SweepRow
+from serpent_twin.reservoir.sweep_run import Sweep, sweep
 
 Errors = Mapping[GridPoint, Mapping[str, float]]
 """Mean marker distances [mm] by point and readout"""

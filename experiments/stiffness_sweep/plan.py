@@ -9,8 +9,8 @@ import numpy as np
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
-from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
-from serpent_twin.reservoir.sweep.pose import PUBLISHED_RATE
+from serpent_twin.reservoir.grid_point import GridPoint, Measuring
+from serpent_twin.reservoir.pose import PUBLISHED_RATE
 from serpent_twin.sim.twin_model import TwinModel
 
 SPEED = 0.28

@@ -15,7 +15,7 @@ from experiments.stiffness_sweep.transfer import worst
 from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, TREND, Answer
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import Section, Table
-from serpent_twin.reservoir.sweep.rows import (
+from serpent_twin.reservoir.sweep_rows import (
     SweepRow,
     error_of,
     readouts,

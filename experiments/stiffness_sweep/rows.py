@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
-from serpent_twin.reservoir.sweep.rows import SweepRow, row_of
+from serpent_twin.reservoir.grid_point import GridPoint, Measuring
+from serpent_twin.reservoir.sweep_rows import SweepRow, row_of
 
 Rows = Mapping[str, Sequence[SweepRow]]
 """Rows by the purpose of their points"""

@@ -10,8 +10,8 @@ from experiments.stiffness_sweep.plan import SweepPlan
 from serpent_twin.errors import SerpentError
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import SessionWindows, cut
-from serpent_twin.reservoir.sweep import pose
-from serpent_twin.reservoir.sweep.point import DROP, WINDOW
+from serpent_twin.reservoir import pose
+from serpent_twin.reservoir.grid_point import DROP, WINDOW
 from serpent_twin.sessions import Session
 
 READOUTS = ("linear", "residual")

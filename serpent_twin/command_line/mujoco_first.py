@@ -1,6 +1,6 @@
 """Import MuJoCo without the OpenGL that MUJOCO_GL names, which would be a traceback where it is missing.
 
-A command that renders imports this first; `serpent_twin.reporting.offscreen` reads MUJOCO_GL later.
+A command that renders imports this first; `serpent_twin.playback.offscreen` reads MUJOCO_GL later.
 """
 
 import os

@@ -26,12 +26,12 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import Belief
 from serpent_twin.hardware.dynamixel.shutdown import STOPPING
 from serpent_twin.live.sample import Page, Sample
+from serpent_twin.playback.marker_looks import ESTIMATED, MEASURED
+from serpent_twin.playback.rerun_colours import hue
+from serpent_twin.playback.rerun_layout import KEY, LOADS, TEN, Plot, blueprint, key, loads
+from serpent_twin.playback.rerun_recording import ARROW, Writer
 from serpent_twin.readouts.covariance import reach2
 from serpent_twin.readouts.score import distances, step_means
-from serpent_twin.reporting.marker_looks import ESTIMATED, MEASURED
-from serpent_twin.reporting.rerun_colours import hue
-from serpent_twin.reporting.rerun_layout import KEY, LOADS, TEN, Plot, blueprint, key, loads
-from serpent_twin.reporting.rerun_recording import ARROW, Writer
 
 EVERY = 0.2
 """Interval at which rows are drawn together [s]"""

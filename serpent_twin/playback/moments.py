@@ -7,10 +7,10 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.playback.drawn_arm import DrawnPose, Markers, Pencil
+from serpent_twin.playback.marker_looks import CORRECTED, ESTIMATED, MEASURED, NOMINAL
+from serpent_twin.playback.offscreen import Image
 from serpent_twin.playback.shown import ShownSession
-from serpent_twin.reporting.drawn_arm import DrawnPose, Markers, Pencil
-from serpent_twin.reporting.marker_looks import CORRECTED, ESTIMATED, MEASURED, NOMINAL
-from serpent_twin.reporting.offscreen import Image
 
 
 def draw(shown: ShownSession, row: int, pencil: Pencil) -> Image:

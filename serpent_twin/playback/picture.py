@@ -14,7 +14,7 @@ def draw_picture(shown: ShownSession, time: float, out: Path) -> None:
     """Write a PNG of a session at a time [s], unless it is there."""
     from PIL import Image, PngImagePlugin
 
-    from serpent_twin.reporting.drawn_arm import pencil
+    from serpent_twin.playback.drawn_arm import pencil
 
     row = row_at(shown, time)
     name = shown.identity("picture", row)

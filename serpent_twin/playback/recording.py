@@ -20,7 +20,7 @@ def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None)
     Of a log of another machine, its columns are shown over time.
     """
     with requires("view", "A recording for rerun"):
-        from serpent_twin.reporting import rerun_recording
+        from serpent_twin.playback import rerun_recording
     if imported_log.is_other(session):
         return _columns(session, out, readout or twin)
     shown = ShownSession.read(session, readout, twin)
@@ -41,7 +41,7 @@ def _columns(path: Path, out: Path, more: Path | None) -> str:
             f"{path} is a log of another machine, and {more} is of the arm. Leave it out: the log's columns "
             "are shown."
         )
-    from serpent_twin.reporting import rerun_columns
+    from serpent_twin.playback import rerun_columns
 
     log = imported_log.read(path)
     if not _already_there(out, name := identity(path, None, None)):

@@ -13,9 +13,9 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import require_finite
 from serpent_twin.numerals import counted
+from serpent_twin.playback.marker_looks import EstimatedMarkers
 from serpent_twin.readouts.membership import told
 from serpent_twin.readouts.windows import cut
-from serpent_twin.reporting.marker_looks import EstimatedMarkers
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.response import Response

@@ -11,8 +11,8 @@ from tqdm import tqdm
 from serpent_twin.errors import SerpentError
 from serpent_twin.extras import requires
 from serpent_twin.playback.moments import already_there, draw, row_at, says
+from serpent_twin.playback.offscreen import Image
 from serpent_twin.playback.shown import ShownSession
-from serpent_twin.reporting.offscreen import Image
 from serpent_twin.runs.files import replacing
 
 FRAMES, RATE = 240, 12
@@ -24,7 +24,7 @@ def draw_video(shown: ShownSession, out: Path, between: tuple[float, float] | No
     with requires("view", "A video"):
         import imageio_ffmpeg
     _require_ffmpeg(imageio_ffmpeg)
-    from serpent_twin.reporting.drawn_arm import pencil
+    from serpent_twin.playback.drawn_arm import pencil
 
     rows = frames(shown, between)
     name = shown.identity("video", rows.tolist())

@@ -10,7 +10,7 @@ from motion import wander
 from numpy.testing import assert_allclose
 from trunk_runs import answer, log, shape
 
-from serpent_twin import playback, sessions
+from serpent_twin import sessions
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN, Effect, parameter
 from serpent_twin.effects.effect import WINDING
@@ -24,10 +24,11 @@ from serpent_twin.live.follower import Follower
 from serpent_twin.live.options import Estimate
 from serpent_twin.machines.trunk import Trunk
 from serpent_twin.machines.trunk.motion import Trunks
+from serpent_twin.playback import rerun_recording
+from serpent_twin.playback.recording import play_back
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect
-from serpent_twin.reporting import rerun_recording
 from serpent_twin.sessions import read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.arm_moment import Moment
@@ -83,7 +84,7 @@ def test_replay_of_a_later_session_wears_the_twin(folder, tmp_path, monkeypatch)
     late = replace(session, metadata=session.metadata | {"prior_runtime_s": HOUR})
     monkeypatch.setattr(sessions, "read_session", lambda _: late)
     monkeypatch.setattr(rerun_recording, "write", lambda *_, corrected: shown.update(it=corrected))
-    playback.play_back(path, tmp_path / "a.rrd", None, tmp_path / "twin.json")
+    play_back(path, tmp_path / "a.rrd", None, tmp_path / "twin.json")
     soft = replay_motors(session.time, session.motor_position, HALF)
     fresh = replay_motors(session.time, session.motor_position, WORN)
     off, before = (np.abs(x.marker - soft.marker).mean() for x in (shown["it"], fresh))

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.follow import over_device as of_follow
 from experiments.follow.result_page import device_table
-from serpent_twin.following.path import PathToFollow
+from serpent_twin.live.path import PathToFollow
 from serpent_twin.sim import twin_model
 
 

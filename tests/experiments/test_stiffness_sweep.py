@@ -30,8 +30,8 @@ from experiments.stiffness_sweep.plan import (
 from experiments.stiffness_sweep.result_page import grid_table, result_page
 from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, correlation, over_seeds, trend
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.reservoir.sweep import drive
-from serpent_twin.reservoir.sweep.rows import SweepRow, row_from, values
+from serpent_twin.reservoir import drive
+from serpent_twin.reservoir.sweep_rows import SweepRow, row_from, values
 from serpent_twin.runs.files import json_text
 
 ROW = {

@@ -8,8 +8,8 @@ from serpent_twin.arm.geometry import markers
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import Rigid, fit_rigid
 from serpent_twin.hardware.cameras import NoMocap
-from serpent_twin.sessions.merge.labels import named
-from serpent_twin.sessions.merge.search import masked_correlation
+from serpent_twin.sessions.labels import named
+from serpent_twin.sessions.search import masked_correlation
 
 
 def test_a_known_motion_is_recovered_and_agrees_with_scipy():

@@ -9,7 +9,7 @@ import pytest
 
 from serpent_twin.identification import Trace, trace
 from serpent_twin.machines.machine import ParameterVector, effects_at
-from serpent_twin.planning.traced import read
+from serpent_twin.recording.traced import read
 
 STOP = 1.2  # [N m/rad]
 YIELDS, BEYOND = 0.5, 0.3  # of what the elbow is told beyond an angle [rad]

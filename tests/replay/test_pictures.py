@@ -13,9 +13,8 @@ from serpent_twin import replay
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import markers
 from serpent_twin.errors import SerpentError
-from serpent_twin.playback import moments, video
-from serpent_twin.reporting import drawn_arm, offscreen
-from serpent_twin.reporting.drawn_arm import DrawnPose, Markers
+from serpent_twin.playback import drawn_arm, moments, offscreen, video
+from serpent_twin.playback.drawn_arm import DrawnPose, Markers
 from serpent_twin.sessions import write_session
 
 GREEN = (70, 215, 120)

@@ -5,7 +5,7 @@ import pytest
 from paths import DATA
 from rerun.chunk import RrdReader
 
-from serpent_twin import playback, readouts, replay, sessions
+from serpent_twin import readouts, replay, sessions
 from serpent_twin.arm.geometry import (
     ARM,
     N_JOINTS,
@@ -17,7 +17,8 @@ from serpent_twin.arm.geometry import (
 from serpent_twin.arm.mjcf import STRANDS
 from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
-from serpent_twin.reporting import rerun_colours, rerun_recording
+from serpent_twin.playback import rerun_colours, rerun_recording
+from serpent_twin.playback.shown import ShownSession
 from serpent_twin.sim import twin, twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
@@ -78,7 +79,7 @@ def test_measured_markers_are_those_of_the_log(made):
 
 def test_estimated_markers_are_the_readout_s_and_start_with_a_whole_window(made):
     folder, session, _ = made
-    shown = playback.ShownSession(folder / "swing.parquet", session, folder / "analytical", None)
+    shown = ShownSession(folder / "swing.parquet", session, folder / "analytical", None)
     guess = shown.guess
     assert guess.row[0] == readouts.load(folder / "analytical").window - 1
     entity = "/markers/estimated/marker9"

@@ -15,12 +15,22 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
 from serpent_twin.recording.options import Collect
 from serpent_twin.recording.simulated import simulate_session
-from serpent_twin.reservoir import capacities, check_inputs, expand, memory, taps
-from serpent_twin.reservoir.sweep import body, drive, pose, rigid, run
-from serpent_twin.reservoir.sweep.measures import overlap
-from serpent_twin.reservoir.sweep.outcome import Outcome, measured, rounded
-from serpent_twin.reservoir.sweep.point import GridPoint, Measuring, key
-from serpent_twin.reservoir.sweep.run import Sweep, sweep
+from serpent_twin.reservoir import (
+    body,
+    capacities,
+    check_inputs,
+    drive,
+    expand,
+    memory,
+    pose,
+    rigid,
+    taps,
+)
+from serpent_twin.reservoir import sweep_run as run
+from serpent_twin.reservoir.grid_point import GridPoint, Measuring, key
+from serpent_twin.reservoir.measures import overlap
+from serpent_twin.reservoir.outcome import Outcome, measured, rounded
+from serpent_twin.reservoir.sweep_run import Sweep, sweep
 from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim.twin_model import TwinModel
 

@@ -16,7 +16,7 @@ from paths import ROOT
 from sweep_cases import GRID, files
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.reservoir.sweep.run import Sweep, sweep
+from serpent_twin.reservoir.sweep_run import Sweep, sweep
 from serpent_twin.runs import cluster, worker_pool
 from serpent_twin.runs.processes import processes
 from serpent_twin.runs.worker_pool import Pool

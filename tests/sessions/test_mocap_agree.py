@@ -13,12 +13,11 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
 from serpent_twin.numerals import counted
 from serpent_twin.sessions import write_session
-from serpent_twin.sessions.merge import merge
-from serpent_twin.sessions.merge.agree import refuse_another_arm
-from serpent_twin.sessions.merge.align import Clock, refine
-from serpent_twin.sessions.merge.film import Film
-from serpent_twin.sessions.merge.match import match
-from serpent_twin.sessions.merge.merge import Merge, line
+from serpent_twin.sessions.agree import refuse_another_arm
+from serpent_twin.sessions.align import Clock, refine
+from serpent_twin.sessions.film import Film
+from serpent_twin.sessions.match import match
+from serpent_twin.sessions.merge import Merge, line, merge
 from serpent_twin.sim.twin import replay_motors
 
 NAMES = [f"arm:{n}" for n in range(1, 10)]

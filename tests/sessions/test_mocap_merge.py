@@ -12,9 +12,9 @@ from takes import CAMERAS, DRIFT, NOISE, filmed, merged, simulated
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.sessions import read_session, write_session
+from serpent_twin.sessions.align import Clock, refine
+from serpent_twin.sessions.film import Film
 from serpent_twin.sessions.merge import Merge, merge
-from serpent_twin.sessions.merge.align import Clock, refine
-from serpent_twin.sessions.merge.film import Film
 from serpent_twin.sim.twin import replay_motors
 
 BENCH = SHARED / "logs" / "arm_a" / "session_01.parquet"

@@ -25,7 +25,7 @@ from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.trunk import MACHINE, Trunk
-from serpent_twin.reservoir.sweep import run as sweep
+from serpent_twin.reservoir import sweep_run as sweep
 from serpent_twin.residual import learned
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN

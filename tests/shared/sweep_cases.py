@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
+from serpent_twin.reservoir.grid_point import GridPoint, Measuring
 
 QUICK = Measuring(
     delays=(4, 2), memory_delay=6, taps=1, stretches=10, washout=8, repeated=20, stream=2,

@@ -1,1 +1,0 @@
-"""Plan the motion that decides what a trace's logs left open."""
