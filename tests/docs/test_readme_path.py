@@ -39,7 +39,7 @@ NOT_RUN = {
     "python reach.py": "test_tutorials.py",
     "python -m serpent_twin.diagnose": "minutes; it is init and trace, which test_tutorials.py types",
     "python -m serpent_twin.init": "needs a machine; test_tutorials.py",
-    "python -m serpent_twin.plan": "needs a finished trace; tests/planning/test_plan.py",
+    "python -m serpent_twin.plan": "needs a finished trace; tests/recording/test_plan.py",
     "python -m serpent_twin.trace --machine": "minutes; test_tutorials.py",
     "python -m serpent_twin.log import": "needs recordings; tests/exchange/test_import.py",
     "python -m serpent_twin.log export": "tests/exchange/test_import.py",
