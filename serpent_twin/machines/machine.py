@@ -16,7 +16,6 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, placed, ranges
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Comparison, Measure
 
 
@@ -242,19 +241,6 @@ class Machine(Protocol[P]):
 
     def measured_again(self, pieces: P, point: ParameterVector, rng: np.random.Generator) -> P:
         """The segments as another measurement of the same motion would have started a twin."""
-        ...
-
-    def propose(
-        self,
-        point: ParameterVector,
-        count: int,
-        seconds: float,
-        rate_hz: float,
-        rng: np.random.Generator,
-    ) -> Proposals[P]:
-        """Up to `count` motions of at most so many seconds at a rate, simulated by the twin of a parameter
-        vector; raises a `SerpentError` where nothing commands the machine, or no motion keeps its limits.
-        """
         ...
 
     def write(

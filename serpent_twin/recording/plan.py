@@ -1,6 +1,6 @@
 """Plan a motion from its options, and write it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +10,10 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.arm import motions
+from serpent_twin.machines.arm.machine import ArmMachine
+from serpent_twin.machines.model import proposing
+from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.recording import motion, plan_criterion, plan_evidence, plan_page, traced
 from serpent_twin.recording.plan_criterion import Question
@@ -21,6 +25,11 @@ from serpent_twin.stored import within
 
 PIECE = 20.0
 """Seconds of a piece of motion, at most"""
+_PROPOSE: Mapping[type, Callable[..., Proposals[Any]]] = {
+    ArmMachine: motions.propose,
+    ModelMachine: proposing.propose,
+}
+"""What proposes motions of each kind of machine"""
 
 
 @dataclass(frozen=True)
@@ -77,9 +86,7 @@ def plan(config: Plan) -> Planned:
         asked = questions(trace, config.rivals)
         rng = np.random.default_rng(config.seed)
         progress.step("motions, 1 of 4")
-        proposals = trace.case.machine.propose(
-            trace.fit.point, config.candidates, PIECE, trace.rate_hz, rng
-        )
+        proposals = proposed(trace, config.candidates, rng)
         progress.step("what the logs tell, 2 of 4")
         rows = plan_evidence.rows(trace, asked)
         before = plan_evidence.known(trace, rows)
@@ -113,6 +120,19 @@ def plan(config: Plan) -> Planned:
     )
     _write(config, found)
     return found
+
+
+def proposed(trace: Traced, count: int, rng: np.random.Generator) -> Proposals[Any]:
+    """Up to `count` motions of the traced machine, simulated by its twin; raises a `SerpentError` where
+    nothing commands it, or no motion keeps its limits.
+    """
+    machine = trace.case.machine
+    if type(machine) not in _PROPOSE:
+        raise SerpentError(
+            f"nothing here commands the machine {trace.rig!r}: its logs were measured elsewhere. A motion "
+            "can be planned for the arm, and for a machine that a machine.toml describes."
+        )
+    return _PROPOSE[type(machine)](machine, trace.fit.point, count, PIECE, trace.rate_hz, rng)
 
 
 def questions(trace: Traced, rivals: Sequence[str] = ()) -> list[tuple[str, str]]:

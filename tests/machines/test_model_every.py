@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from example import Example, opened
 
+from serpent_twin.machines.model.proposing import propose
+
 RATE, NOISE, LATE = 100.0, 2e-4, 0.015  # [Hz], [rad], [s]
 MJCF = """<mujoco>
   <option timestep="0.002" integrator="implicitfast"/>
@@ -65,7 +67,7 @@ def test_a_motion_is_planned_where_some_rows_are_used(tmp_path):
     Example(MJCF, TOML.format(every=2)).write(tmp_path)
     _log(tmp_path / "log.csv", 0.0)
     case, _, at = opened(tmp_path / "machine.toml", tmp_path / "log.csv")
-    found = case.machine.propose(at, 1, 4.0, RATE / 2, np.random.default_rng(0))
+    found = propose(case.machine, at, 1, 4.0, RATE / 2, np.random.default_rng(0))
     shown = case.machine.respond([at], found.pieces)[0]
     again = found.pieces.measured - shown
     assert np.sqrt(np.nanmean(again**2)) < NOISE

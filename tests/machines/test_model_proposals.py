@@ -13,6 +13,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.motions import OF_MOTION, OF_POSES
+from serpent_twin.machines.model.proposing import propose
 
 SITE = swung_models.TOML.replace(
     'joint = "pivot", columns = ["angle"], unit = "rad", noise = 0.0005',
@@ -24,7 +25,7 @@ def proposals(path, log, count, rate_hz, **changed):
     rig = open_machine(path)
     machine = replace(rig.open(rig.read(log)).machine, **changed)
     nominal = ParameterVector.nominal(machine.declared)
-    return machine.propose(nominal, count, 20.0, rate_hz, np.random.default_rng(0))
+    return propose(machine, nominal, count, 20.0, rate_hz, np.random.default_rng(0))
 
 
 def lever(folder, **how):

@@ -13,6 +13,7 @@ from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.proposing import propose
 from serpent_twin.machines.model.starts import angle_of, rate_of
 
 TOML = ROOT / "experiments" / "measured" / "xl330" / "machine.toml"
@@ -165,6 +166,6 @@ def test_a_motion_is_proposed_for_a_machine_that_is_on_and_has_the_models_number
     made = [pendulum(kp, 0.02, 0.03, 0.1, seed=kp) for kp in (150, 300)]
     case, _, at = opened(tmp_path, *made)
     damped = at.having(FRICTION, np.array([0.01, 0.05]))
-    found = case.machine.propose(damped, 2, 3.0, 200.0, np.random.default_rng(0))
+    found = propose(case.machine, damped, 2, 3.0, 200.0, np.random.default_rng(0))
     assert len(found.kinds) == 2 and [each.name for each in found.columns] == ["goal_position"]
     assert np.isfinite(case.machine.respond([damped], found.pieces)).all()

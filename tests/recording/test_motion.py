@@ -10,7 +10,7 @@ from serpent_twin.arm.control import target_bounds
 from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.limits import Limits
-from serpent_twin.machines.arm.motions import KINDS, proposed, simulated
+from serpent_twin.machines.arm.motions import KINDS, made_targets, simulated
 from serpent_twin.recording import motion
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.motion import Motion
@@ -36,7 +36,7 @@ def test_the_targets_come_back_to_the_bit(tmp_path):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_motion_keeps_the_limits_and_ends_straight(kind):
-    targets = proposed(kind, 20.0, 4.0, np.random.default_rng(1))
+    targets = made_targets(kind, 20.0, 4.0, np.random.default_rng(1))
     low, high = target_bounds()
     assert targets.shape == (80, 9) and (targets >= low).all() and (targets <= high).all()
     assert not targets[-8:].any() and np.abs(targets).max() > np.deg2rad(5)

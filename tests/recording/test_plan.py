@@ -1,5 +1,6 @@
 """Test that a planned motion tells rivals apart better than random targets of the same length."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from serpent_twin.identification.detection import opening_fit
 from serpent_twin.identification.next_motion import next_motion
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.trunk import Trunk
 from serpent_twin.next_step import typed
 from serpent_twin.plan import after_plan
 from serpent_twin.recording import plan_evidence as evidence
@@ -19,7 +19,7 @@ from serpent_twin.recording import traced
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.motion import require_form
 from serpent_twin.recording.options import Collect
-from serpent_twin.recording.plan import PIECE, questions
+from serpent_twin.recording.plan import proposed, questions
 from serpent_twin.recording.plan_criterion import chosen
 from serpent_twin.recording.traced import Traced
 
@@ -41,9 +41,7 @@ def trace(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_planned_motion_tells_backlash_from_friction_better_than_random_targets(trace):
-    proposals = trace.case.machine.propose(
-        trace.fit.point, 12, PIECE, 4.0, np.random.default_rng(0)
-    )
+    proposals = proposed(trace, 12, np.random.default_rng(0))
     rows = evidence.rows(trace, [(BACKLASH, FRICTION)])
     before, each = evidence.known(trace, rows), evidence.of_pieces(trace, rows, proposals.pieces)
     order = chosen(before, each, rows.questions, 2)
@@ -81,9 +79,10 @@ def test_a_folder_that_is_no_trace_is_refused(tmp_path):
         require_form(Path("motion.csv"), "arm")
 
 
-def test_a_machine_that_nothing_commands_refuses():
+def test_a_machine_that_nothing_commands_refuses(trace):
+    other = replace(trace, case=replace(trace.case, machine=object()))
     with pytest.raises(SerpentError, match="commands"):
-        Trunk.propose(Trunk, None, 1, 1.0, 1.0, None)  # type: ignore[arg-type]
+        proposed(other, 1, np.random.default_rng(0))
 
 
 def test_open_questions_stand_in_the_order_of_need():

@@ -12,7 +12,6 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, link_frames, markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.machines.arm import motions
 from serpent_twin.machines.arm.pieces import camera_noise, cut, markers_of, motors_of, past
 from serpent_twin.machines.arm.places import ArmPlaces
 from serpent_twin.machines.arm.quantities import quantities
@@ -20,7 +19,6 @@ from serpent_twin.machines.arm.track_record import track_record
 from serpent_twin.machines.arm.vector import Vector
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity
-from serpent_twin.machines.proposals import Proposals, kept_ones
 from serpent_twin.residual import LOADS, MARKERS, Comparison
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
@@ -253,30 +251,6 @@ class ArmMachine:
         arm = self.vector.design(point).built
         joint[:, 0] = joints_from_markers((marker + noise)[:, 0], joint[:, 0], arm)
         return replace(pieces, column={**pieces.column, "joint_angle": joint})
-
-    def propose(
-        self,
-        point: ParameterVector,
-        count: int,
-        seconds: float,
-        rate_hz: float,
-        rng: np.random.Generator,
-    ) -> Proposals[Segments]:
-        """Joint targets [rad], (count, T, 9), of all kinds in turn, and what the twin makes of them."""
-        design = self.vector.design(point)
-
-        def make(kind: str, turn: int) -> Array:
-            return motions.proposed(kind, seconds, rate_hz, rng)
-
-        def keep(targets: Sequence[Array], tried: int) -> list[tuple[Session | None, str]]:
-            return [
-                motions.kept_limits(design, each, rate_hz, n)
-                for n, each in enumerate(targets, tried + 1)
-            ]
-
-        kinds, targets, done = kept_ones(list(motions.KINDS), count, make, keep, "the arm's")
-        pieces = cut(done, self.vector.start.built, seconds)
-        return Proposals(kinds, motions.columns(), targets, pieces, motions.LIMITS)
 
     def write(
         self, point: ParameterVector, noise: Array, path: Path, about: Mapping[str, Any]

@@ -1,6 +1,6 @@
 """Propose motions of the arm within its limits, and simulate them on a twin behind a bus."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -16,15 +16,19 @@ from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.limits import Guard, Limits
 from serpent_twin.hardware.motor_bus import BusError
-from serpent_twin.machines.proposals import CommandColumn
+from serpent_twin.machines.arm.machine import ArmMachine
+from serpent_twin.machines.arm.pieces import cut
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.proposals import CommandColumn, Proposals, kept_ones
 from serpent_twin.sessions.session import SCHEMA_VERSION, Session, session_from_rows
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.tables.segments import Segments
 
 _REST = 3.0
 """Seconds at the end of each motion in which the arm returns to straight, so that motions can follow
 one another in any order"""
-LIMITS = (
+_LIMITS = (
     "Each piece ends with the arm straight. Joint targets keep the range of random targets, and the twin "
     "followed each piece within the limits of joint angles and motor loads at which the real arm is stopped."
 )
@@ -83,13 +87,35 @@ KINDS: Mapping[str, Callable[[Array, Array, Array, np.random.Generator], Array]]
 """Joint targets [rad], (T, 9), at times [s], (T,), between low and high [rad], (9,), by kind"""
 
 
-def columns() -> tuple[CommandColumn, ...]:
+def propose(
+    machine: ArmMachine,
+    point: ParameterVector,
+    count: int,
+    seconds: float,
+    rate_hz: float,
+    rng: np.random.Generator,
+) -> Proposals[Segments]:
+    """Joint targets [rad], (count, T, 9), of all kinds in turn, and what the twin makes of them."""
+    design = machine.vector.design(point)
+
+    def make(kind: str, turn: int) -> Array:
+        return made_targets(kind, seconds, rate_hz, rng)
+
+    def keep(targets: Sequence[Array], tried: int) -> list[tuple[Session | None, str]]:
+        return [kept_limits(design, each, rate_hz, n) for n, each in enumerate(targets, tried + 1)]
+
+    kinds, targets, done = kept_ones(list(KINDS), count, make, keep, "the arm's")
+    pieces = cut(done, machine.vector.start.built, seconds)
+    return Proposals(kinds, _columns(), targets, pieces, _LIMITS)
+
+
+def _columns() -> tuple[CommandColumn, ...]:
     """Joint targets and their range [rad], (9,)."""
     ends = zip(TARGET_COLUMNS, *(each.tolist() for each in target_bounds()), strict=True)
     return tuple(CommandColumn(name, "rad", low, high) for name, low, high in ends)
 
 
-def proposed(kind: str, seconds: float, rate_hz: float, rng: np.random.Generator) -> Array:
+def made_targets(kind: str, seconds: float, rate_hz: float, rng: np.random.Generator) -> Array:
     """Joint targets of a kind [rad], (T, 9), within the range of targets, straight at the end."""
     time = np.arange(round(seconds * rate_hz)) / rate_hz
     low, high = target_bounds()

@@ -16,7 +16,6 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity, effects_at
 from serpent_twin.machines.measured import twin_file
-from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Comparison, Measure
 from serpent_twin.runs.files import write_json, write_whole
 from serpent_twin.tables.log import Log
@@ -138,20 +137,6 @@ class RunMachine(ABC):
     ) -> Segments:
         """The same segments: runs start from what drives them, or from an encoder."""
         return pieces
-
-    def propose(
-        self,
-        point: ParameterVector,
-        count: int,
-        seconds: float,
-        rate_hz: float,
-        rng: np.random.Generator,
-    ) -> Proposals[Segments]:
-        """Refused: its logs were measured elsewhere."""
-        raise SerpentError(
-            f"nothing here commands the machine {self.name!r}: its logs were measured elsewhere. A motion "
-            "can be planned for the arm, and for a machine that a machine.toml describes."
-        )
 
     def block_rows(self, pieces: Segments) -> int:
         """Rows of a block of which the error hardly follows that of the block before."""

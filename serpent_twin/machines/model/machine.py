@@ -39,14 +39,12 @@ from serpent_twin.machines.model.places import ModelPlaces, only_single, units_o
 from serpent_twin.machines.model.pose_places import places_at_rest
 from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.prescribed import prescribe
-from serpent_twin.machines.model.proposing import proposed
 from serpent_twin.machines.model.segments import ROWS, segments
 from serpent_twin.machines.model.session_starts import SessionStarts
 from serpent_twin.machines.model.starts import start_columns, started_again
 from serpent_twin.machines.model.state_effects import acting_on_state
 from serpent_twin.machines.model.switches import separate
 from serpent_twin.machines.places import PlacesInRow
-from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments, cut
@@ -316,14 +314,3 @@ class ModelMachine(RunMachine):
             return pieces
         noise = {each.name: each.noise for each in self.outputs}
         return started_again(self.described, pieces, noise, rng)
-
-    def propose(
-        self,
-        point: ParameterVector,
-        count: int,
-        seconds: float,
-        rate_hz: float,
-        rng: np.random.Generator,
-    ) -> Proposals[Segments]:
-        """Motions in the columns and units of its logs, within what these used and showed."""
-        return proposed(self, point, count, seconds, rate_hz, rng)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -18,6 +17,7 @@ from serpent_twin.machines.model.description import (
 from serpent_twin.machines.model.full_rate import held
 from serpent_twin.machines.model.limits import allowed, require_moving, unmeasured_joints
 from serpent_twin.machines.model.log_file import as_logged
+from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.motion import StartGains
 from serpent_twin.machines.model.motions import OF_MOTION, OF_POSES, commands
 from serpent_twin.machines.model.poses import Rests
@@ -35,9 +35,6 @@ from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 from serpent_twin.units import TO_SI
 
-if TYPE_CHECKING:
-    from serpent_twin.machines.model.machine import ModelMachine
-
 _POSES, _FEWEST_ROWS, _MOST_ROWS = 20, 4 * LEAD, 2000
 """Rows of a piece: of poses, and of a motion"""
 _REST = 0.2
@@ -48,8 +45,8 @@ _STILL = 0.05
 """Of what the logs showed, within which the twin is at rest"""
 
 
-def proposed(
-    machine: "ModelMachine",
+def propose(
+    machine: ModelMachine,
     point: ParameterVector,
     count: int,
     seconds: float,
@@ -89,7 +86,7 @@ def proposed(
 
 
 def _logs(
-    machine: "ModelMachine", point: ParameterVector, targets: Array, period: float, tried: int
+    machine: ModelMachine, point: ParameterVector, targets: Array, period: float, tried: int
 ) -> list[tuple[Log | None, str]]:
     """What a twin makes of motions (M, T, D), of which the first has a number, each from rest; nothing, and
     why, where it leaves the limits.
@@ -109,7 +106,7 @@ def _logs(
     return out
 
 
-def _watched(machine: "ModelMachine") -> "ModelMachine":
+def _watched(machine: ModelMachine) -> ModelMachine:
     """The same, of which the joints with a range are measured, too, that its logs lack."""
     described = machine.described
     joints = unmeasured_joints(described).items()
@@ -125,7 +122,7 @@ def _watched(machine: "ModelMachine") -> "ModelMachine":
     )
 
 
-def _runs(machine: "ModelMachine", watched: Described, told: Array, period: float) -> Segments:
+def _runs(machine: ModelMachine, watched: Described, told: Array, period: float) -> Segments:
     """Runs in which the drives are told something, (M, T, D), from the middle of what the logs showed of the
     joints; from where the model's runs begin, if the logs lack some.
     """
@@ -177,7 +174,7 @@ def _restless(found: Array, still: Array, names: Sequence[str]) -> str:
 
 
 def _log(
-    machine: "ModelMachine", name: str, told: Array, found: Array, settling: int, period: float
+    machine: ModelMachine, name: str, told: Array, found: Array, settling: int, period: float
 ) -> Log:
     """The log of a response, (T, C + J), as if recorded; where runs start from rest alone with the rows in
     which it comes to rest, as nothing measured.
@@ -196,7 +193,7 @@ def _log(
     return run if described.about.rows == POSES else with_starts(described, [run])[0]
 
 
-def _columns(machine: "ModelMachine", rate_hz: float) -> Iterator[CommandColumn]:
+def _columns(machine: ModelMachine, rate_hz: float) -> Iterator[CommandColumn]:
     """What commands the machine, in the units of its logs."""
     logged = machine.logged
     ends = np.sort(_as_logged(machine, np.array([logged.low, logged.high])), axis=0).T.tolist()
@@ -205,7 +202,7 @@ def _columns(machine: "ModelMachine", rate_hz: float) -> Iterator[CommandColumn]
         yield CommandColumn(each.column, each.unit, low, high, fastest)
 
 
-def _as_logged(machine: "ModelMachine", told: Array) -> Array:
+def _as_logged(machine: ModelMachine, told: Array) -> Array:
     """What the drives tell the actuators, (…, D), in the units of the logs."""
     each = [
         as_logged(machine.described, drive, told[..., n])
@@ -214,7 +211,7 @@ def _as_logged(machine: "ModelMachine", told: Array) -> Array:
     return np.stack(each, axis=-1)
 
 
-def _about(machine: "ModelMachine") -> str:
+def _about(machine: ModelMachine) -> str:
     """Which limits the motions keep, in sentences."""
     home = _as_logged(machine, machine.logged.home).tolist()
     at = [
