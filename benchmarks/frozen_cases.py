@@ -18,7 +18,6 @@ from serpent_twin.errors import SerpentError
 
 ROOT = Path(__file__).resolve().parents[1]
 HALF_INTERVAL = 1.96  # standard errors in half of a 95 % interval
-_ROWS = 480  # of an arm's session: 120 s
 _STAGES = ("nominal", "calibrated", "corrected")
 
 

@@ -15,7 +15,6 @@ from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir import sweep_figures
 from serpent_twin.reservoir.sweep_rows import SweepRow, error_of, readouts, values
 
-SHADES = "viridis"
 _ARM = {"marker": "D", "ms": 6, "ls": "", "mec": INK, "mew": 0.8}
 _DARK = 0.4  # mean of red, green and blue below which ink cannot be read
 

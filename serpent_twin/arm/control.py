@@ -27,11 +27,11 @@ def target_bounds(arm: Arm = ARM) -> tuple[Array, Array]:
     return np.where(odd, -arm.target_range, 0.0), np.full(N_JOINTS, arm.target_range)
 
 
-def checked_targets(targets: Array, source: str, arm: Arm = ARM) -> Array:
+def checked_targets(targets: Array, source: str) -> Array:
     """Joint targets [rad], (T, 9), if all are within their bounds; else a `SerpentError` that names the
     first that is not.
     """
-    low, high = target_bounds(arm)
+    low, high = target_bounds()
     beyond = np.argwhere(~((targets >= low - 1e-9) & (targets <= high + 1e-9)))
     if len(beyond):
         row, joint = beyond[0]

@@ -25,7 +25,6 @@ _MOST_ROWS = 6
 """Measured quantities, and lines of one panel with names"""
 _SECONDS = 60.0
 """Longest time that is drawn, from the session's beginning"""
-_AXES = "xyz"
 _ADJACENT = 1.5
 """Times the rows' distance, up to which one block of rows follows another"""
 

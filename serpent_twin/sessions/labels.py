@@ -195,7 +195,7 @@ def _plausible(pieces: list[Piece]) -> list[Piece]:
     return kept
 
 
-def expected_on(film: Film, log_time: Array, time: Array, marker: Array, rigid: Rigid) -> Array:
+def expected_on(log_time: Array, time: Array, marker: Array, rigid: Rigid) -> Array:
     """A prediction (K, 9, 3) at log times `time` in the cameras' frame at each frame, (T, 9, 3).
 
     `log_time` (T,) are the frames' times on the log's clock; `rigid` goes from cameras to base.

@@ -74,10 +74,10 @@ def match(
     best, second = _certain(places)
     clock, rigid, found, givers = best.clock, best.rigid, film, []
     for _ in range(ROUNDS):
-        expected = labels.expected_on(film, clock.log_time(film.time), time, marker, rigid)
+        expected = labels.expected_on(clock.log_time(film.time), time, marker, rigid)
         found, givers = labels.track(film, expected, best.owner, bool(given))
         clock, rigid = refine(time, marker, found, clock, rigid)
-    expected = labels.expected_on(film, clock.log_time(film.time), time, marker, rigid)
+    expected = labels.expected_on(clock.log_time(film.time), time, marker, rigid)
     agree.refuse_names(film, expected, best.owner if given else {}, names)
     seen = rigid.apply(sampled(found, clock.camera_time(time)))
     explained = _explained(marker, seen)

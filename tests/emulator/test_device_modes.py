@@ -8,7 +8,7 @@ from serpent_twin.emulator.device_options import DeviceOptions, build
 from serpent_twin.hardware.control_table import TABLE
 
 UNIT = 0.229 / 60 * 4096  # [counts/s] of a word of velocity
-TRAPEZOIDAL, RECTANGULAR, ONGOING, ARRIVED = 0b110000, 0b010000, 0b10, 0b01
+TRAPEZOIDAL, ONGOING, ARRIVED = 0b110000, 0b10, 0b01
 
 
 class Bench:

@@ -10,7 +10,6 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.find_frame import fit_straight
 
 LABELS = [f"Marker {n}" for n in range(1, 10)]
-STRAIGHT = markers(np.zeros(9))
 
 
 def look(frames=60, angle=0.0):

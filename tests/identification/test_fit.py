@@ -23,8 +23,6 @@ from serpent_twin.identification.score_test import placed, scores, worth_fitting
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared
 
-RNG = np.random.default_rng(4)
-
 
 @dataclass(frozen=True)
 class Watched(LinearCase):

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from serpent_twin.arm.control import on_stiff_cables
-from serpent_twin.arm.geometry import ARM, N_MOTORS, Arm
+from serpent_twin.arm.geometry import ARM, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.sim.prescribed_motion import STANDING
 
@@ -47,7 +47,7 @@ class CableLaw:
 
 
 def cable_laws(
-    joint_angle: Array, motor_angle: Array, motor_velocity: Array, load: Array, arm: Arm = ARM
+    joint_angle: Array, motor_angle: Array, motor_velocity: Array, load: Array
 ) -> list[CableLaw | None]:
     """The law of every cable, from rows (N, 9), (N, 10), (N, 10), (N, 10).
 
@@ -59,7 +59,7 @@ def cable_laws(
     typical, found = _TYPICAL, []
     for _ in range(2):  # the second time with priors from the first
         found = [
-            _fit(wound[:, j], motor_angle[:, j], motor_velocity[:, j], load[:, j], j, typical, arm)
+            _fit(wound[:, j], motor_angle[:, j], motor_velocity[:, j], load[:, j], j, typical)
             for j in range(N_MOTORS)
         ]
         if found[-1] and found[-1].explains < _HELD:
@@ -74,13 +74,13 @@ def cable_laws(
 
 
 def _fit(
-    wound: Array, angle: Array, velocity: Array, load: Array, j: int, typical: Array, arm: Arm
+    wound: Array, angle: Array, velocity: Array, load: Array, j: int, typical: Array
 ) -> CableLaw | None:
     """One cable's law; stiffness in N/mm and slack in mm inside."""
     use = (np.abs(velocity) > 2 * STANDING) & np.isfinite(wound + load)
     if use.sum() < _FEWEST:
         return None
-    radius, stall = arm.pulley_radius[j], arm.servo.stall_torque
+    radius, stall = ARM.pulley_radius[j], ARM.servo.stall_torque
     wound, angle, torque = wound[use], angle[use], load[use] * stall
     turning = np.tanh(velocity[use] / (STANDING / 3))
 

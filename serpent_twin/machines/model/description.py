@@ -24,8 +24,6 @@ from serpent_twin.residual import (
 from serpent_twin.stored import Form, above, many, within
 from serpent_twin.units import TO_SI
 
-VERSION: Literal[1] = 1
-"""Of machine.toml"""
 ADVICE = "docs/reference/machine-toml.md lists the keys."
 POSES, MOTION = "poses", "motion"
 """What the rows of a log may be"""
