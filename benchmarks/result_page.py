@@ -5,7 +5,7 @@ from typing import Any
 
 from benchmarks.rows import told
 from experiments.result_page import PageContent
-from serpent_twin.reporting.report import Section, Table
+from serpent_twin.runs.report import Section, Table
 
 TITLES = {
     "collect_speed": "Collecting sessions",

@@ -18,10 +18,10 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
-from serpent_twin.reporting import report
-from serpent_twin.reporting.report import Figure, Section, as_png, sections_in_markdown
+from serpent_twin.runs import report
 from serpent_twin.runs.files import json_text, write_json, write_whole
 from serpent_twin.runs.provenance import provenance
+from serpent_twin.runs.report import Figure, Section, as_png, sections_in_markdown
 
 PAGES = Path(__file__).resolve().parents[1] / "docs" / "results"
 _ORIGIN = ("measured_by", "date", "versions", "git_commit")

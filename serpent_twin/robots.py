@@ -27,9 +27,9 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.rig import read_logs
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Report, as_html, as_png, write
 from serpent_twin.residual import Comparison
 from serpent_twin.runs.provenance import provenance
+from serpent_twin.runs.report import Report, as_html, as_png, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

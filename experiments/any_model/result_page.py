@@ -11,7 +11,7 @@ from experiments.result_page import PageContent, failures
 from serpent_twin.effects import law_of
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Section, Table
+from serpent_twin.runs.report import Section, Table
 
 _TEXT = """Each machine is a public model (dm_control's pendulum, acrobot and reacher, the hind leg of its
 cheetah, Kinova's six-joint arm with position servos) with one fault at one place, or with none. Its log is

@@ -20,8 +20,8 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
-from serpent_twin.reporting.report import Section, text_table
 from serpent_twin.runs.provenance import file_hash
+from serpent_twin.runs.report import Section, text_table
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import session_files
 from serpent_twin.stored import within

@@ -13,8 +13,8 @@ from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_from_motor, link_fram
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.readouts.score import distances, step_means
-from serpent_twin.reporting.plot_style import COLOURS, INK, LINE
-from serpent_twin.reporting.report import Figure
+from serpent_twin.runs.plot_style import COLOURS, INK, LINE
+from serpent_twin.runs.report import Figure
 from serpent_twin.sessions import Session, read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin import replay_motors

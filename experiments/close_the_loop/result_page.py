@@ -7,7 +7,7 @@ from experiments.result_page import PageContent, traced_by_commit
 from serpent_twin.identification.diagnosis import ParameterEstimate
 from serpent_twin.identification.wording import full_name, spaced, with_numbers
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Section, Table
+from serpent_twin.runs.report import Section, Table
 
 STAGES = ("nominal", "calibrated", "corrected")
 _NOTE = (

@@ -25,8 +25,8 @@ from experiments.result_page import PageContent, failures
 from serpent_twin.arrays import Array
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.plot_style import COLOURS, INK, label_logarithmic, tidy
-from serpent_twin.reporting.report import Figure, Section, Table
+from serpent_twin.runs.plot_style import COLOURS, INK, label_logarithmic, tidy
+from serpent_twin.runs.report import Figure, Section, Table
 
 RIGHT, WRONG = COLOURS[3], COLOURS[2]
 _SOURCE = "arms of `bench_arm`, with a cable law, an integration and a servo model of their own"

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.result_page import PageContent
-from serpent_twin.reporting.report import Section, Table
+from serpent_twin.runs.report import Section, Table
 
 LABELS = {
     "none": "none",

@@ -27,8 +27,8 @@ from experiments.result_page import PageContent, failures
 from serpent_twin.arrays import Array
 from serpent_twin.live.path_picture import drawn
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
-from serpent_twin.reporting.report import Figure, Section, Table
+from serpent_twin.runs.plot_style import COLOURS, finish, sheet
+from serpent_twin.runs.report import Figure, Section, Table
 
 _AIM = 3.0
 """[mm] rms"""

@@ -10,8 +10,8 @@ from experiments.force.trial import STEP_N, WEIGHT_KG
 from experiments.result_page import PageContent, failures
 from serpent_twin.estimators.force_filter import SIZE, WALK
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
-from serpent_twin.reporting.report import Figure, Section, Table
+from serpent_twin.runs.plot_style import COLOURS, finish, sheet
+from serpent_twin.runs.report import Figure, Section, Table
 
 _WORTH = 0.95
 """Probability with which the ideal detector reports a push that is worth feeling"""

@@ -13,8 +13,8 @@ from experiments.how_often_right.rates import NAMED, STRONG
 from experiments.result_page import PageContent
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.plot_style import INK, label_logarithmic, tidy
-from serpent_twin.reporting.report import Figure, Section, Table
+from serpent_twin.runs.plot_style import INK, label_logarithmic, tidy
+from serpent_twin.runs.report import Figure, Section, Table
 
 _TEXT = """Every arm is another one of `bench_arm`, whose cable law, integration and servo model
 the twin does not share. Its fault, that fault's strength and place, and all other numbers are drawn. The last

@@ -27,8 +27,8 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.identification import Trace
 from serpent_twin.identification.run import trace_sessions
-from serpent_twin.reporting.report import text_table
 from serpent_twin.runs.provenance import git_commit
+from serpent_twin.runs.report import text_table
 from serpent_twin.tables.log import Log
 
 STAGES = ("nominal", "calibrated", "corrected")

@@ -9,8 +9,8 @@ from experiments.measured.metric import METRICS, Metric
 from experiments.result_page import PageContent, traced_by_commit
 from serpent_twin.identification.diagnosis import ACCEPTED, STANDS_IN, Diagnosis
 from serpent_twin.identification.wording import full_name, spaced
-from serpent_twin.reporting.plot_style import COLOURS, INK, label_logarithmic, sheet, tidy
-from serpent_twin.reporting.report import Figure, Section, Table
+from serpent_twin.runs.plot_style import COLOURS, INK, label_logarithmic, sheet, tidy
+from serpent_twin.runs.report import Figure, Section, Table
 
 _BARS = ("nominal", "calibrated", "corrected", "regression")
 _CHANGED = ("before", "rezeroed", "after")

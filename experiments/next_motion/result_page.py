@@ -19,7 +19,7 @@ from experiments.next_motion.trial import BEFORE, GROUPS, PLANNED, RANDOM, STAGE
 from experiments.result_page import PageContent, failures
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Section, Table
+from serpent_twin.runs.report import Section, Table
 
 _HEAD = {
     BEFORE: "one recording",

@@ -26,9 +26,9 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, Seed, when
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect
-from serpent_twin.reporting.report import text_table
 from serpent_twin.runs.files import json_text
 from serpent_twin.runs.provenance import git_commit
+from serpent_twin.runs.report import text_table
 from serpent_twin.stored import read_json_lines, within
 from serpent_twin.training.train import Train, train
 

@@ -9,7 +9,7 @@ from experiments.readout_table.result_page import READOUTS, error_table
 from experiments.result_page import publish, store
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
-from serpent_twin.reporting.report import text_table
+from serpent_twin.runs.report import text_table
 from serpent_twin.sessions import read_folder
 from serpent_twin.stored import within
 from serpent_twin.training.train import Train, train

@@ -6,7 +6,7 @@ from typing import Any
 
 from experiments.result_page import PageContent
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Section, Table
+from serpent_twin.runs.report import Section, Table
 
 LABELS = {
     "analytical": "analytical, as published",

@@ -24,9 +24,9 @@ from serpent_twin.command_line.options import Checked, Seed, Workers
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import load
 from serpent_twin.estimators.online import Online
-from serpent_twin.reporting.report import text_table
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash
+from serpent_twin.runs.report import text_table
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import session_files
 from serpent_twin.sim import twin_model

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.sim_to_real.twins import CALIBRATED, CORRECTED, NOMINAL, RANDOMISED
-from serpent_twin.reporting.plot_style import COLOURS, SOFT, label_axis, sheet, styles, tidy
+from serpent_twin.runs.plot_style import COLOURS, SOFT, label_axis, sheet, styles, tidy
 
 _COLOUR = {
     "real alone": "#6f6f6f",

@@ -10,7 +10,7 @@ from experiments.sim_to_real.figures import changes, coverage, curves
 from experiments.sim_to_real.twins import CALIBRATED, CORRECTED, NOMINAL, RANDOMISED, STAGES
 from serpent_twin.identification.held_out import better
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Figure, Section, Table
+from serpent_twin.runs.report import Figure, Section, Table
 
 _UNIT = (
     "Mean distance between estimated and measured markers over the test session, in mm; no route has seen "

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure as Drawing
 from experiments.stiffness_sweep.plan import AMPLITUDES, GRID, RATES, RIGID, natural_period
 from experiments.stiffness_sweep.rows import Rows
 from serpent_twin.arrays import Array
-from serpent_twin.reporting.plot_style import INK, SOFT, label_logarithmic, styles, tidy
-from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir import sweep_figures
 from serpent_twin.reservoir.sweep_rows import SweepRow, error_of, readouts, values
+from serpent_twin.runs.plot_style import INK, SOFT, label_logarithmic, styles, tidy
+from serpent_twin.runs.report import Figure
 
 _ARM = {"marker": "D", "ms": 6, "ls": "", "mec": INK, "mew": 0.8}
 _DARK = 0.4  # mean of red, green and blue below which ink cannot be read

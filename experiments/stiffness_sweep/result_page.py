@@ -14,7 +14,6 @@ from experiments.stiffness_sweep.rows import Rows
 from experiments.stiffness_sweep.transfer import worst
 from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, TREND, Answer
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.report import Section, Table
 from serpent_twin.reservoir.sweep_rows import (
     SweepRow,
     error_of,
@@ -23,6 +22,7 @@ from serpent_twin.reservoir.sweep_rows import (
     steady_readouts,
     values,
 )
+from serpent_twin.runs.report import Section, Table
 
 _CRITERIA = (
     f"A trend counts from a rank correlation of {TREND:g} on: it held if the whole 95 % interval lies "

@@ -11,7 +11,7 @@ from serpent_twin import stored, tables
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Table, text_table
+from serpent_twin.runs.report import Table, text_table
 from serpent_twin.sessions.finding import Finding, rows_text, stretches
 from serpent_twin.tables import parquet
 from serpent_twin.tables.imported import KEY, TIME

@@ -11,8 +11,8 @@ from serpent_twin.arrays import Array
 from serpent_twin.exchange.map_file import Map
 from serpent_twin.exchange.streams import ImportedStream
 from serpent_twin.numerals import listed
-from serpent_twin.reporting.report import Table, text_table
 from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.report import Table, text_table
 from serpent_twin.tables import parquet
 from serpent_twin.tables.imported import KEY, Conversion
 

@@ -21,11 +21,11 @@ from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import notes_on, read_logs
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.report import text_table, versions_text, write
 from serpent_twin.residual import settled
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
+from serpent_twin.runs.report import text_table, versions_text, write
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.repeated import refuse_repeated

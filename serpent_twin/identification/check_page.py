@@ -9,9 +9,9 @@ from serpent_twin.identification.acceptance import SURE, WORTH_IT
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, label_logarithmic, sheet, tidy
-from serpent_twin.reporting.report import Figure, Report, Section, Table
 from serpent_twin.residual import ANGLE
+from serpent_twin.runs.plot_style import COLOURS, INK, SOFT, label_logarithmic, sheet, tidy
+from serpent_twin.runs.report import Figure, Report, Section, Table
 
 MOST_ROWS = 15
 """Parameters that a table lists: the logs tell more of the others"""

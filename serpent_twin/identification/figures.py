@@ -19,10 +19,10 @@ from serpent_twin.identification.diagnosis import (
     Tried,
 )
 from serpent_twin.identification.wording import spaced
-from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, sheet, tidy
-from serpent_twin.reporting.report import Figure
 from serpent_twin.residual import Comparison, Dependence, Findings
 from serpent_twin.residual.curves import Curve, curve, marker_curve
+from serpent_twin.runs.plot_style import COLOURS, INK, SOFT, sheet, tidy
+from serpent_twin.runs.report import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array, known_mean
-from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, sheet, tidy
-from serpent_twin.reporting.report import Figure, Report, Section, write
 from serpent_twin.residual import Comparison
+from serpent_twin.runs.plot_style import COLOURS, INK, SOFT, sheet, tidy
+from serpent_twin.runs.report import Figure, Report, Section, write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

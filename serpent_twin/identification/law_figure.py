@@ -7,8 +7,8 @@ import numpy as np
 from serpent_twin.effects.law import HANDLES
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery.free_curve import FreeCurve
-from serpent_twin.reporting.plot_style import COLOURS, INK, sheet, tidy
-from serpent_twin.reporting.report import Figure
+from serpent_twin.runs.plot_style import COLOURS, INK, sheet, tidy
+from serpent_twin.runs.report import Figure
 
 _LABEL = 36  # characters in a line of the label
 

@@ -11,7 +11,7 @@ from serpent_twin.identification.law_figure import composed_law
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.numerals import capital, listed
-from serpent_twin.reporting.report import Section
+from serpent_twin.runs.report import Section
 
 _FEWEST = 5
 """Traces that gave a name, below which their record says nothing"""

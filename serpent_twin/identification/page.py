@@ -12,10 +12,10 @@ from serpent_twin.identification.missing_page import missing_section
 from serpent_twin.identification.wording import spaced, with_numbers
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.numerals import capital, counted, listed
-from serpent_twin.reporting.report import Figure, Report, Section, Table
 from serpent_twin.residual import LOADS, describe
 from serpent_twin.residual import figures as residual_figures
 from serpent_twin.residual.noise import UNKNOWN
+from serpent_twin.runs.report import Figure, Report, Section, Table
 
 
 def page(

@@ -29,10 +29,10 @@ from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.summary import summary
 from serpent_twin.machines.rig import is_named, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.report import versions_text, write
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
+from serpent_twin.runs.report import versions_text, write
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.stored import within
 from serpent_twin.tables.log import Log

@@ -14,8 +14,8 @@ from serpent_twin.identification.tables import parameters
 from serpent_twin.identification.wording import placed, spaced, with_numbers
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.numerals import capital, listed
-from serpent_twin.reporting.report import text_table
 from serpent_twin.residual.noise import in_words
+from serpent_twin.runs.report import text_table
 
 _WIDTH = 96
 _SHOWN = ("effect", "number", "value", "95 % interval", "unit", "chance")

@@ -21,8 +21,8 @@ from serpent_twin.identification.figures import ranked, stages
 from serpent_twin.identification.fitting.fitted import NORMAL_95
 from serpent_twin.identification.wording import placed, spaced
 from serpent_twin.numerals import capital, counted
-from serpent_twin.reporting.report import Table
 from serpent_twin.residual.noise import UNKNOWN
+from serpent_twin.runs.report import Table
 
 VERDICTS = (ACCEPTED, STANDS_IN, REJECTED, NOT_EXCITED, UNSTABLE)
 MOST_ROWS = 15  # of the calibrated parameters: the others hardly moved

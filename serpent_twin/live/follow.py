@@ -27,9 +27,9 @@ from serpent_twin.live.steering import COLUMNS, PathSteering
 from serpent_twin.numerals import listed
 from serpent_twin.recording import collect, run_settings
 from serpent_twin.recording.loop import Beside
-from serpent_twin.reporting.report import as_png
 from serpent_twin.runs.files import write_whole
 from serpent_twin.runs.provenance import file_hash
+from serpent_twin.runs.report import as_png
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 

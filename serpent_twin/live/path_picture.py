@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.reporting.plot_style import COLOURS, SOFT, sheet, tidy
+from serpent_twin.runs.plot_style import COLOURS, SOFT, sheet, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing

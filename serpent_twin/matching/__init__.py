@@ -18,7 +18,7 @@ from serpent_twin.matching.matches import Matches
 from serpent_twin.matching.robot import Robot, load
 from serpent_twin.matching.write import UNUSED, Decision
 from serpent_twin.numerals import listed
-from serpent_twin.reporting.report import Table, text_table
+from serpent_twin.runs.report import Table, text_table
 
 __all__ = ["Decision", "Matched", "describe"]
 

@@ -18,9 +18,9 @@ from serpent_twin.machines.proposals import Proposals
 from serpent_twin.recording import motion, plan_criterion, plan_evidence, plan_page, traced
 from serpent_twin.recording.plan_criterion import Question
 from serpent_twin.recording.traced import Traced
-from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.runs.report import text_table, write
 from serpent_twin.stored import within
 
 PIECE = 20.0

@@ -10,8 +10,8 @@ from serpent_twin.machines.proposals import CommandColumn, Proposals
 from serpent_twin.numerals import counted
 from serpent_twin.recording.motion import Motion
 from serpent_twin.recording.plan_criterion import Question
-from serpent_twin.reporting.plot_style import sheet, tidy
-from serpent_twin.reporting.report import Figure, Report, Section, Table
+from serpent_twin.runs.plot_style import sheet, tidy
+from serpent_twin.runs.report import Figure, Report, Section, Table
 
 _NOTE = """\
 Of two rivals: the probability that the log-likelihood ratio names the right one, Φ(d/2), where d is the

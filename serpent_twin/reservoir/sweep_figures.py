@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.reporting import plot_style
-from serpent_twin.reporting.plot_style import SOFT, label_logarithmic, styles, tidy
-from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir.sweep_rows import SweepRow, error_of, readouts
+from serpent_twin.runs import plot_style
+from serpent_twin.runs.plot_style import SOFT, label_logarithmic, styles, tidy
+from serpent_twin.runs.report import Figure
 from serpent_twin.training.figures import looks
 
 if TYPE_CHECKING:

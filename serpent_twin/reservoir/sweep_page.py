@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import Report, Section, Table, versions_text
 from serpent_twin.reservoir import sweep_figures as figures
 from serpent_twin.reservoir.sweep_figures import AXES, RIGID
 from serpent_twin.reservoir.sweep_rows import SweepRow, error_of, readouts
+from serpent_twin.runs.report import Report, Section, Table, versions_text
 
 _MEASURES: Mapping[str, Callable[[SweepRow], float]] = {
     "capacity": lambda row: row.total,

@@ -18,7 +18,6 @@ from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import ABSENT, Checked, RateHz, Seed, Use, Workers, when
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.report import write
 from serpent_twin.reservoir.grid_point import GridPoint, Measuring, key
 from serpent_twin.reservoir.outcome import Outcome, measured
 from serpent_twin.reservoir.sweep_page import facts, page
@@ -27,6 +26,7 @@ from serpent_twin.runs.cluster import cluster
 from serpent_twin.runs.files import write_json, write_whole
 from serpent_twin.runs.processes import processes
 from serpent_twin.runs.provenance import provenance, versions
+from serpent_twin.runs.report import write
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.runs.worker_pool import Pool, execute
 from serpent_twin.stored import same_in_json, within

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from serpent_twin.reporting.plot_style import COLOURS, INK, LINE, SOFT, finish, sheet, smooth, tidy
-from serpent_twin.reporting.report import Figure
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.findings import Findings
 from serpent_twin.residual.noise import expected_distance
 from serpent_twin.residual.size import MOVING, load_size, marker_size
 from serpent_twin.residual.spectrum import spectrum
 from serpent_twin.residual.whiteness import Whiteness
+from serpent_twin.runs.plot_style import COLOURS, INK, LINE, SOFT, finish, sheet, smooth, tidy
+from serpent_twin.runs.report import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

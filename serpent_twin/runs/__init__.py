@@ -1,1 +1,1 @@
-"""Provide what every run needs: a lock, whole files, provenance, a pool of workers."""
+"""Provide what every run needs: a lock, whole files, provenance, a report, a pool of workers."""

@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.plot_style import COLD, WARM, Style, finish, sheet, smooth, styles
+from serpent_twin.runs.plot_style import COLD, WARM, Style, finish, sheet, smooth, styles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted, listed
 from serpent_twin.readouts.score import step_means
 from serpent_twin.readouts.windows import Windows
-from serpent_twin.reporting.report import Figure, Report, Section, Table, versions_text
+from serpent_twin.runs.report import Figure, Report, Section, Table, versions_text
 from serpent_twin.training import figures
 from serpent_twin.training.tables import (
     PEER,

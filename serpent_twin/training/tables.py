@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from serpent_twin.reporting.report import Table
+from serpent_twin.runs.report import Table
 
 Scores = Mapping[str, Mapping[str, Any]]
 """Entries of scores.json by readout"""

@@ -15,9 +15,9 @@ from serpent_twin.command_line.options import GIVEN, Checked, Seed, Use, when
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import available, find
 from serpent_twin.extras import require
-from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.runs.report import text_table, write
 from serpent_twin.runs.run_lock import claimed, prior_settings
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model

@@ -14,9 +14,9 @@ from serpent_twin.identification.page import lead, page
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.identification.unexplained import Unexplained
 from serpent_twin.machines.arm.vector import candidates
-from serpent_twin.reporting import report
-from serpent_twin.reporting.report import Figure
 from serpent_twin.residual import ANGLE, TORQUE, marker_size
+from serpent_twin.runs import report
+from serpent_twin.runs.report import Figure
 
 TILT = Named(
     "base_tilt",

@@ -8,9 +8,9 @@ from figure_checks import wrong
 from sweep_cases import GRID, UNSTABLE
 
 from serpent_twin import sweep
-from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir.sweep_page import page
 from serpent_twin.reservoir.sweep_rows import SweepRow
+from serpent_twin.runs.report import Figure
 
 READOUTS = ("analytical", "linear", "residual", "mlp", "lstm", "decoder", "ensemble")
 ONE = SweepRow(

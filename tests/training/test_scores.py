@@ -14,7 +14,7 @@ from serpent_twin.estimators import find, load
 from serpent_twin.estimators.adapted import Adapted
 from serpent_twin.readouts.score import distances
 from serpent_twin.readouts.windows import cut
-from serpent_twin.reporting.report import text_table
+from serpent_twin.runs.report import text_table
 from serpent_twin.training.page import page
 from serpent_twin.training.tables import (
     adapt_table,

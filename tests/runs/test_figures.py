@@ -13,9 +13,9 @@ from serpent_twin.estimators import available
 from serpent_twin.identification import figures as of_trace
 from serpent_twin.identification.diagnosis import ACCEPTED, NOT_EXCITED, REJECTED, Tried
 from serpent_twin.machines.arm.catalogue import CATALOGUE
-from serpent_twin.reporting.plot_style import COLD, WARM, round_numbers, styles
 from serpent_twin.residual import analyse
 from serpent_twin.residual.figures import figures as of_residual
+from serpent_twin.runs.plot_style import COLD, WARM, round_numbers, styles
 from serpent_twin.training import figures as of_readouts
 
 READOUTS = [*available(), "one_more", "and_another"]

@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure as Drawing
 
-from serpent_twin.reporting import report
+from serpent_twin.runs import report
 
 
 def test_a_page_is_escaped_and_its_numbers_stand_right(tmp_path):

@@ -1,1 +1,0 @@
-"""Write reports, style plots, and record for rerun."""
