@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from serpent_twin.arm import geometry
+from serpent_twin.readouts import Epoch
 from serpent_twin.readouts.network import fit, forward, modules
 
 torch.set_num_threads(1)  # networks this small only wait for a second thread
@@ -53,7 +54,10 @@ def test_the_published_schedule_lowers_the_rate_after_three_rises_and_then_ends(
     net = fit.build(lambda: modules.MlpModule(4, 32, 2, 27, "relu"), rng)
     train, validation = fit.samples(x[:150], y[:150]), fit.samples(x[150:], y[150:])
     schedule = fit.Plateau(epochs=400, batch=10, rate=1e-2, least_rate=1e-4)
-    history = fit.train(net, train, validation, schedule, rng, quiet)
+    history = []
+    fit.train(
+        net, train, validation, schedule, rng, lambda *numbers: history.append(Epoch(*numbers))
+    )
     rate, rises, last = 1e-2, 0, np.inf
     for epoch in history:
         assert epoch.rate == pytest.approx(rate)
