@@ -57,7 +57,7 @@ class LinearResponses(Checked):
     """JSON file for the rows."""
 
 
-class _Arm:
+class _AskedArm:
     """The arm's twin in segments of its logs."""
 
     def __init__(self, segments: int) -> None:
@@ -99,7 +99,7 @@ class _Arm:
 
 
 def main(config: LinearResponses) -> None:  # noqa: D103 tyro would print it above the config's own
-    rows, arm = BenchmarkRows(), _Arm(config.segments)
+    rows, arm = BenchmarkRows(), _AskedArm(config.segments)
     for law, (words, aim) in _LAWS.items():
         rows.add(f"cosine, {words}", arm.cosine(law, _MOVED), aim=aim)
         rows.add(f"cosine, {words}, of a tiny change", arm.cosine(law, _TINY), aim="≥ 0.9")

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.recorded_steps import RecordedSteps
-from serpent_twin.engine.smooth_dynamics import Instant, SmoothDynamics
+from serpent_twin.engine.smooth_dynamics import LinearisedInstant, SmoothDynamics
 from serpent_twin.engine.steps_of_friction import Constants, Rubbing, rubbing
-from serpent_twin.engine.steps_of_springs import Springs
+from serpent_twin.engine.steps_of_springs import StretchedSprings
 
 _SLOW = 0.05
 """Speed at which new friction has its full size, of the joint's own rms: it changes its sign softly"""
@@ -63,7 +63,7 @@ class RowChanges:
         smooth = SmoothDynamics.at(list(_instants(models, steps, dt, off)))
         at = np.array(free, int)
         elsewhere = _ElsewhereConstants.of(models, others, dt, at, R)
-        rows = _Rows(models, steps, smooth, dt, at, elsewhere.constants)
+        rows = _ChangedRows(models, steps, smooth, dt, at, elsewhere.constants)
         out = rows.carried()
         out = np.moveaxis(out.reshape(S, R, *out.shape[1:]), -1, 0)
         sizes = [rows.D, n * P, n, rows.tendons, models[0].nu]
@@ -81,11 +81,11 @@ class RowChanges:
 
 def _instants(
     models: Sequence[mujoco.MjModel], steps: RecordedSteps, dt: Array, off: NDArray[np.int32]
-) -> Iterator[Instant]:
+) -> Iterator[LinearisedInstant]:
     (S, R, _, _), P = steps.position.shape, len(steps.middle)
     for s, t, p in np.ndindex(S, R, P):
         k = steps.middle[p]
-        yield Instant(
+        yield LinearisedInstant(
             model=models[s],
             timestep=float(dt[s]),
             qpos=steps.position[s, t, k],
@@ -134,7 +134,7 @@ class _ElsewhereConstants:
         return out
 
 
-class _Rows:
+class _ChangedRows:
     """N rows side by side, each with the changes of its state by M things, (N, D, M)."""
 
     def __init__(
@@ -169,7 +169,7 @@ class _Rows:
         self._rates, arms = np.concatenate([q, v, more], axis=-1), parts(smooth.arms)
         self._rubbing = Rubbing.of(models, steps, arms, dt, free)
         self._elsewhere = elsewhere
-        self._springs = Springs.of(models, steps, arms[..., free])
+        self._springs = StretchedSprings.of(models, steps, arms[..., free])
         self.tendons = len(self._springs.which)
         rate = steps.velocity[..., free].reshape(N, -1, self._n)
         full = np.maximum(_SLOW * np.sqrt(np.nanmean(rate**2, axis=(0, 1))), 1e-9)
@@ -228,7 +228,7 @@ class _Rows:
 class _Answers:
     """What rows answer to forces and states, computed anew where friction begins or ceases to stick."""
 
-    def __init__(self, rows: _Rows) -> None:
+    def __init__(self, rows: _ChangedRows) -> None:
         self._rows, self._part = rows, -1
 
     def at(self, p: int, k: int) -> tuple[Array, Array]:

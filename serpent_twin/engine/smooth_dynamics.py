@@ -41,7 +41,7 @@ class SmoothDynamics:
     """Derivatives of all tendons' lengths by q, (N, ntendon, n)"""
 
     @classmethod
-    def at(cls, instants: Sequence["Instant"]) -> "SmoothDynamics":
+    def at(cls, instants: Sequence["LinearisedInstant"]) -> "SmoothDynamics":
         """Those of instants, each of a model of the same structure."""
         bare: dict[int, tuple[mujoco.MjModel, mujoco.MjData]] = {}
         found = []
@@ -54,7 +54,7 @@ class SmoothDynamics:
 
 
 @dataclass(frozen=True)
-class Instant:
+class LinearisedInstant:
     """One instant of a motion of a model."""
 
     model: mujoco.MjModel
@@ -79,7 +79,9 @@ def without_friction(model: mujoco.MjModel) -> mujoco.MjModel:
     return bare
 
 
-def _differentiate(model: mujoco.MjModel, data: mujoco.MjData, at: Instant) -> list[Array]:
+def _differentiate(
+    model: mujoco.MjModel, data: mujoco.MjData, at: LinearisedInstant
+) -> list[Array]:
     for name in ("qpos", "qvel", "qacc", "act", "ctrl", "history"):
         getattr(data, name)[:] = getattr(at, name)
     data.time, model.opt.timestep = at.time, at.timestep

@@ -11,7 +11,7 @@ from serpent_twin.engine.recorded_steps import RecordedSteps
 
 
 @dataclass(frozen=True)
-class Springs:
+class StretchedSprings:
     """Springs of tendons in N rows, at n free degrees of freedom."""
 
     which: Sequence[int]
@@ -24,7 +24,9 @@ class Springs:
     """Beyond that amid each part of the row [N/m], (N, K, L)"""
 
     @classmethod
-    def of(cls, models: Sequence[mujoco.MjModel], steps: RecordedSteps, arms: Array) -> "Springs":
+    def of(
+        cls, models: Sequence[mujoco.MjModel], steps: RecordedSteps, arms: Array
+    ) -> "StretchedSprings":
         """Springs in recorded steps of S runs of some models; arms of all tendons are (P, N, ntendon, n)."""
         S, R, K, _ = steps.length.shape
         which = sprung(models)
