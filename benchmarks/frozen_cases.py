@@ -55,14 +55,11 @@ def _arm(name: str, folder: str, *options: str) -> FrozenCase:
     return FrozenCase(name, words, _shortened(folder, ("session_0[12].*",), 480), folder)
 
 
-def _machine(
-    name: str, patterns: Sequence[str], rows: int, judge: str, *options: str
-) -> FrozenCase:
+def _machine(name: str, patterns: Sequence[str], rows: int, judge: str) -> FrozenCase:
     """A measured machine, the beginnings of some of its files."""
-    words = ("trace", "--logs", "{inputs}/logs", "--judge", judge, "--no-discover")
-    machine = options or ("--machine", "{machine}")
+    words = ("trace", "--logs", "{inputs}/logs", "--machine", "{machine}", "--judge", judge)
     folder = f"{{shared}}/measured/{name}"
-    return FrozenCase(name, (*words, *machine), _shortened(folder, patterns, rows), folder)
+    return FrozenCase(name, (*words, "--no-discover"), _shortened(folder, patterns, rows), folder)
 
 
 def _shortened(source: str, patterns: Sequence[str], rows: int) -> Callable[[Path, Path], None]:
@@ -119,7 +116,7 @@ CASES = (
     _public("pendulum", "torque_saturation@torque"),
     _public("leg", "payload@bfoot"),
     _machine("xl330", ("kp100_sin_sin.*", "kp100_l*", "kp200_sin_t*"), 900, "kp200_*"),
-    _machine("trunk", ("controlled_*",), 2000, "controlled_2.*", "--rig", "trunk"),
+    _machine("trunk", ("controlled_*",), 2000, "controlled_2.*"),
     _machine("jaw", ("tool_4_10.*", "tool_4_32.*", "tool_4_12.*"), 2000, "tool_4_12.*"),
     _stranger("pan_tilt"),
     _arm("data_arm_a", str(ROOT / "data" / "arm_a"), "--no-discover"),

@@ -92,7 +92,9 @@ def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
         "spread": [min(corrected), max(corrected)],
         "splits": scored,
         "git_commit": git_commit(),
-        "changed": changed(name, twin, unchanged, runs.changed, config.out, config.seed),
+        "changed": changed(
+            rig_of(name, config.data), twin, unchanged, runs.changed, config.out, config.seed
+        ),
     }
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from experiments.measured.metric import CENTRED_TIP_RMS, MAE, RMSE, TIP_RMS, Metric
-from serpent_twin import machines
 from serpent_twin.machines.model import open_machine
 
 
@@ -69,10 +68,6 @@ BENCHMARKS: Mapping[str, Benchmark] = {
 
 
 def rig_of(name: str, data: Path) -> Any:
-    """A machine, whose logs lie in a folder of its name in the data; a folder of its name here describes it,
-    unless it is Python.
-    """
+    """A machine that a folder of its name here describes; a folder of its name in the data has its logs."""
     described, model = Path(__file__).parent / name / "machine.toml", BENCHMARKS[name].model
-    if not described.is_file():
-        return machines.find(name)
     return open_machine(described, data / name / model if model else None)

@@ -15,7 +15,7 @@ import numpy as np
 from experiments.measured.benchmark import BENCHMARKS
 from experiments.measured.result_page import effect_told, rejected
 from experiments.measured.split import by_time
-from serpent_twin import machines, stored
+from serpent_twin import stored
 from serpent_twin.identification import Trace, held_out
 from serpent_twin.identification.discovery import with_laws
 from serpent_twin.identification.fitting.fitted import NORMAL_95
@@ -23,37 +23,32 @@ from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.run import trace_sessions
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import read_twin
+from serpent_twin.machines.model.twin_file import MachineTwin, read_twin
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.tables.log import Log
 
 _DERIVATIVES, _SEGMENTS = 2, 9
-_WEIGHT = "weight of the trunk"
-"""The coordinate of the fit, a logarithm"""
+_MASS, _PAYLOAD = "mass of ", "payload@"
+"""Beginnings of the names of a body's mass among the coordinates, whose logarithm is fitted, and of a load"""
 
 
 def changed(
-    name: str,
-    twin: Path,
-    unchanged: Sequence[Log],
-    runs: Sequence[Log],
-    out: Path,
-    seed: int,
+    rig: Any, twin: Path, unchanged: Sequence[Log], runs: Sequence[Log], out: Path, seed: int
 ) -> list[dict[str, Any]]:
     """The entry in results.json of each run after a change; effects are those of a trace's twin.json."""
     if not runs:
         return []
-    before = _before(name, twin, unchanged, out / name / "unchanged" / "twin.json")
-    return [_one(name, before, run, out, seed) for run in runs]
+    before = _before(rig, twin, unchanged, out / rig.name / "unchanged" / "twin.json")
+    return [_one(rig, before, run, out, seed) for run in runs]
 
 
-def _before(name: str, twin: Path, runs: Sequence[Log], path: Path) -> Path:
+def _before(rig: Any, twin: Path, runs: Sequence[Log], path: Path) -> Path:
     """The twin of the machine as it was, fitted again to all its runs, with its parameters' errors."""
     of = {run.name: file_hash(run.path) for run in runs if run.path} | {"twin": _digest(twin)}
-    if path.exists() and (told := read_twin(path, name)).fitted_to == of and told.error:
+    if path.exists() and (told := read_twin(path, rig.name)).fitted_to == of and told.error:
         return path
-    case = machines.find(name).open(runs)
-    pieces, at = case.pieces(runs), read_twin(twin, name).point
+    case = rig.open(runs)
+    pieces, at = case.pieces(runs), read_twin(twin, rig.name).point
     case = with_laws(case, at.effects).reweighted(at, pieces)
     free = free_parameters(case, list(at.effects))
     found = fit(case, pieces, at, free, _DERIVATIVES, case.segments[1])
@@ -65,19 +60,20 @@ def _before(name: str, twin: Path, runs: Sequence[Log], path: Path) -> Path:
     return path
 
 
-def _one(name: str, twin: Path, run: Log, out: Path, seed: int) -> dict[str, Any]:
+def _one(rig: Any, twin: Path, run: Log, out: Path, seed: int) -> dict[str, Any]:
     assert run.path
-    machine: Any = machines.find(name)
     fitted, judging = by_time(run)
     asked = Trace(
         (run.path.parent,),
-        out / name / f"changed_{run.name}",
-        rig=f"{name}, changed since {_digest(twin)}",
+        out / rig.name / f"changed_{run.name}",
+        rig=f"{rig.name}, changed since {_digest(twin)}",
         seed=seed,
         judge=judging[0].name,
     )
-    found, numbers = trace_sessions(asked, machine.changed(twin), fitted, judging)
-    error = {stage: BENCHMARKS[name].metric.of(each) for stage, each in found.comparisons.items()}
+    since = rig.changed(twin)
+    found, numbers = trace_sessions(asked, since, fitted, judging)
+    metric = BENCHMARKS[rig.name].metric
+    error = {stage: metric.of(each) for stage, each in found.comparisons.items()}
     effects = numbers["effects"]
     return {
         "file": run.path.name,
@@ -88,16 +84,13 @@ def _one(name: str, twin: Path, run: Log, out: Path, seed: int) -> dict[str, Any
         "found": [effect_told(each) for each in effects],
         "stand_ins": [effect_told(each) for each in numbers["stand_ins"]],
         "rejected": rejected(found),
-        "payload_ratio": carried(machine.changed(twin), fitted, effects, twin),
+        "payload_ratio": carried(since, fitted, effects, twin),
         "report": str((asked.out / "report.html").relative_to(out)),
     }
 
 
 def carried(
-    rig: machines.Rig,
-    runs: Sequence[Log],
-    effects: Sequence[Mapping[str, Any]],
-    twin: Path,
+    rig: Any, runs: Sequence[Log], effects: Sequence[Mapping[str, Any]], twin: Path
 ) -> dict[str, float] | None:
     """What the machine carries, in its own weights; None if nothing was found.
 
@@ -105,23 +98,33 @@ def carried(
     leave open of its own weight.
     """
     found = {e["name"]: [p["value"] for p in e["parameters"].values()] for e in effects}
-    if "payload" not in found:
+    loads = [name for name in found if name.startswith(_PAYLOAD)]
+    if not loads:
         return None
     case = rig.open(runs)
     pieces = case.pieces(runs)
-    own = read_twin(twin, "trunk").standard_error.get(_WEIGHT, 0.0)
+    own, error = weight(case.machine, read_twin(twin, rig.name))
     ends = []
-    for variant in case.candidates["payload"].variants:
-        values = {name: np.array(of) for name, of in found.items()} | {"payload": variant}
-        start = ParameterVector.nominal(case.declared, values)
-        weighed = case.reweighted(start, pieces)
-        fitted = fit(
-            weighed, pieces, start, free_parameters(case, list(values)), _DERIVATIVES, _SEGMENTS
-        )
-        value, _, high = fitted.interval("payload", 0)
-        factor = float(np.exp(np.hypot(high / value - 1, NORMAL_95 * own)))
-        ends += [value / factor, value * factor]
-    return {"value": found["payload"][0], "low": min(ends), "high": max(ends)}
+    for place in [name for name in case.candidates if name.startswith(_PAYLOAD)]:
+        values = {name: np.array(of) for name, of in found.items() if name != loads[0]}
+        start = ParameterVector.nominal(case.declared, values | {place: np.array(found[loads[0]])})
+        weighed, free = case.reweighted(start, pieces), free_parameters(case, list(start.effects))
+        fitted = fit(weighed, pieces, start, free, _DERIVATIVES, _SEGMENTS)
+        value, _, high = fitted.interval(place, 0)
+        factor = float(np.exp(np.hypot(high / value - 1, NORMAL_95 * error)))
+        ends += [value / own / factor, value / own * factor]
+    return {"value": found[loads[0]][0] / own, "low": min(ends), "high": max(ends)}
+
+
+def weight(machine: Any, twin: MachineTwin) -> tuple[float, float]:
+    """A twin's own mass in the unit of its model, and its relative standard error: fits know the sum of
+    masses better than each, so that independent errors are on the safe side.
+    """
+    mass, off = machine.spec(np.zeros(len(machine.declared)), ()).compile().body_mass, 0.0
+    for each in machine.coordinates:
+        if each.declared.name.startswith(_MASS):
+            off += (mass[list(each.of)].sum() * twin.standard_error[each.declared.name]) ** 2
+    return float(mass.sum()), float(np.sqrt(off) / mass.sum())
 
 
 def _digest(twin: Path) -> str:

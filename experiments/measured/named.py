@@ -17,7 +17,7 @@ from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.measured import read_twin
+from serpent_twin.machines.model.twin_file import read_twin
 from serpent_twin.residual import Comparison
 from serpent_twin.tables.log import Log
 

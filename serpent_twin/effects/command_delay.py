@@ -25,7 +25,7 @@ class CommandDelay(Effect):
     """[s]"""
 
     shows_in = "all that servos move comes late by the same, at every speed and load"
-    confused_with = ("mocap_latency", "servo_sag")
+    confused_with = ("mocap_latency", "servo_lag")
     remembers = False
     stage = COMMAND
     needs = frozenset({"goal"})

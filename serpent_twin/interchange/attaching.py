@@ -12,9 +12,9 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.interchange.attached import Attached
 from serpent_twin.interchange.commands import Commands
 from serpent_twin.interchange.readings import SensedNow
-from serpent_twin.machines.measured.twin_file import read_described
 from serpent_twin.machines.model.drive_table import TABLE, read_drives
 from serpent_twin.machines.model.state_effects import acting_on_state, acts_on_state
+from serpent_twin.machines.model.twin_file import read_described
 
 
 def attach(

@@ -9,7 +9,7 @@ import mujoco
 from serpent_twin import stored
 from serpent_twin.effects import Effect, name_of
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured.twin_file import read_described
+from serpent_twin.machines.model.twin_file import read_described
 from serpent_twin.sim import twin_model
 
 _ADVICE = "Name the twin.json that `python -m serpent_twin.trace` wrote, or its folder."

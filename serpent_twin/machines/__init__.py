@@ -8,12 +8,9 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.rig import Rig
 from serpent_twin.runs.provenance import file_hash
 
-RIGS: Mapping[str, str] = {
-    "arm": "the cable-driven serpentine arm",
-    "trunk": "a soft trunk on twelve cables",
-}
+RIGS: Mapping[str, str] = {"arm": "the cable-driven serpentine arm"}
 """What each rig is, by the name of its package"""
-_DESCRIBED = ("jaw", "xl330")
+_DESCRIBED = ("jaw", "trunk", "xl330")
 """Rigs of before, which are folders of `experiments/measured` now"""
 
 

@@ -43,7 +43,7 @@ FILLED = [
     ("replay", {"session": "a.parquet", "out": "a.rrd"}),
     ("replay", {"session": "a.parquet", "readout": "mlp", "twin": "twin.json", "out": "a.rrd"}),
     ("set up", {}),
-    ("trace", {"logs": "logs", "rig": "trunk", "out": "trace"}),
+    ("trace", {"logs": "logs", "rig": "arm", "out": "trace"}),
     ("trace", {"logs": ("a", "b"), "machine": "robot", "out": "trace"}),
     ("train", {"logs": "logs", "out": "readouts"}),
     ("train", {"logs": "logs", "twin": "trace/twin.json", "out": "readouts"}),

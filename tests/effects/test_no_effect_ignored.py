@@ -8,7 +8,6 @@ import pytest
 from moments import moment
 from motion import wander
 from numpy.testing import assert_allclose
-from trunk_runs import answer, log, shape
 
 from serpent_twin import sessions
 from serpent_twin.arm.parameters import NOMINAL
@@ -22,8 +21,6 @@ from serpent_twin.estimators.bus_reading import BusReading
 from serpent_twin.live.estimate import estimate
 from serpent_twin.live.follower import Follower
 from serpent_twin.live.options import Estimate
-from serpent_twin.machines.trunk import Trunk
-from serpent_twin.machines.trunk.motion import Trunks
 from serpent_twin.playback import rerun_recording
 from serpent_twin.playback.recording import play_back
 from serpent_twin.readouts.windows import cut
@@ -257,21 +254,3 @@ def test_a_memory_of_unsaid_length_is_refused():
         type("Forgetful", (Effect,), {"start": start})
     for lasts in (True, False):
         assert type("Said", (Effect,), {"start": start, "remembers": lasts}).remembers is lasts
-
-
-@pytest.mark.parametrize(
-    ("name", "values", "said"),
-    [
-        ("gear_friction", [0.3], "GearFriction cannot act here: it needs horn_torque, which"),
-        ("motor_latency", [0.03], "MotorLatency cannot act here: it needs reading_age, which"),
-    ],
-)
-def test_effects_of_another_machine_are_refused_by_name(name, values, said):
-    with pytest.raises(SerpentError, match=said):
-        answer(Trunk(shape()), log([0.0] * 6, seconds=0.1), **{name: values})
-
-
-def test_a_long_memory_is_refused_where_logs_are_cut_into_windows():
-    lasting = dataclass(frozen=True)(type("Lasting", (Made,), {"remembers": True}))
-    with pytest.raises(SerpentError, match="Lasting remembers for longer than a window"):
-        Trunks([], [], [(lasting(1.0),)], 1)

@@ -10,10 +10,11 @@ from measured_traces import compared, trunk
 
 from experiments.measured import __main__ as measured
 from experiments.measured import split as measured_split
-from serpent_twin import machines
+from experiments.measured.benchmark import rig_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.run import _file
-from serpent_twin.machines.measured import read_runs
+from serpent_twin.tables import parquet
+from serpent_twin.tables.log import Log
 
 traced = measured_traces.traced
 
@@ -24,7 +25,9 @@ class TrunkRig:
     name = "trunk"
 
     def read(self, source):
-        return read_runs(source, ("disk3_x",))
+        files = sorted(source.glob("*.parquet")) if source.is_dir() else [source]
+        tables = [(path, parquet.read(path, "Copy it again.").columns) for path in files]
+        return [Log(path, {}, columns) for path, columns in tables if "disk3_x" in columns]
 
     def changed(self, twin):
         rig = TrunkRig()
@@ -35,8 +38,13 @@ class TrunkRig:
 @pytest.fixture
 def trunks(tmp_path, monkeypatch):
     """Logs of a trunk beside a rig that reads them."""
-    found, known = TrunkRig(), machines.find
-    monkeypatch.setattr(machines, "find", lambda name: found if name == "trunk" else known(name))
+    found, known = TrunkRig(), rig_of
+
+    def opened(name, data):
+        return found if name == "trunk" else known(name, data)
+
+    for module in (measured, measured_split):
+        monkeypatch.setattr(module, "rig_of", opened)
     for n, name in enumerate(("controlled_1", "controlled_2", "heavy", "same")):
         about, columns = trunk(seed=n)
         write_log(tmp_path / "data" / "trunk" / f"{name}.parquet", about, **columns)

@@ -75,7 +75,7 @@ def test_an_empty_folder_is_an_error_of_the_user(tmp_path, capsys):
 
 def test_an_unknown_machine_is_refused_with_those_that_there_are(tmp_path, capsys):
     status, _, said = run(capsys, "--logs", tmp_path, "--rig", "leg")
-    assert status == 2 and "no rig 'leg'" in said and "trunk" in said
+    assert status == 2 and "no rig 'leg'" in said and "arm" in said
     status, _, said = run(capsys, "--logs", tmp_path, "--rig", "jaw")
     assert status == 2 and "give --machine experiments/measured/jaw/machine.toml" in said
 

@@ -10,11 +10,11 @@ from mujoco.batch import Batch
 from taken_away import SECOND, begun, stepped
 
 import serpent_twin
-from serpent_twin.machines.measured.twin_file import read_described
 from serpent_twin.machines.model.clocks import Clocks
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.state_effects import Acting
 from serpent_twin.machines.model.state_laws import StateLaws
+from serpent_twin.machines.model.twin_file import read_described
 
 ON_ARM = {
     "stribeck@elbow": [0.1, 0.2],

@@ -15,13 +15,11 @@ from measured_logs import pendulum, write_log
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
 from paths import ROOT
-from trunk_runs import log, shape
 
 from serpent_twin import effects, stored
 from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines import trunk
 from serpent_twin.machines.arm.catalogue import CATALOGUE, LEFT_OUT
 from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.machines.candidate import Candidate
@@ -63,17 +61,16 @@ def _points(machine, several):
     return [SimpleNamespace(declared=start, there=each) for each in several]
 
 
-def _bench(module, machine, *logs, every=1):
+def _bench(module, machine, *logs):
     runs = cut(
         [Stretch.whole(log) for log in logs],
         machine.columns,
         [each.name for each in machine.outputs],
-        every,
     )
 
     def respond(*several):
         with pytest.MonkeyPatch.context() as patch:  # zero is zero, not just off it
-            patch.setattr(module, "effects_at", lambda point: point.there)
+            patch.setattr(module, "effects_at", lambda point: getattr(point, "there", ()))
             return _flat(machine.respond(_points(machine, several), runs))
 
     return Bench(machine.candidates, cache(respond))
@@ -88,13 +85,6 @@ def _servo():
             write_log(Path(folder) / f"{kp}.parquet", about, **columns)
         logs = rig.read(Path(folder))
     return _bench(model_machine, rig.open(logs).machine, *logs)
-
-
-def _trunk():
-    time = np.arange(0, 1, 0.01)[:, None]
-    goal = np.array([0.5, 0.7, 0.3, -0.4, 0.2, 0.1]) * np.sin(2 * np.pi * 0.5 * time)
-    both = dict(trunk._sized(trunk._CANDIDATES)) | dict(trunk._sized(trunk._CHANGES))
-    return _bench(trunk, trunk.Trunk(shape(), known=both), log(goal), every=5)
 
 
 def _model():
@@ -125,7 +115,7 @@ def _tendon():
 
 BENCHMARKS = {
     "arm": Bench(candidates(), arms), "model": _model(), "tendon": _tendon(),
-    "trunk": _trunk(), "xl330": _servo(),
+    "xl330": _servo(),
 }  # fmt: skip
 PAIRS = [(machine, name) for machine, bench in BENCHMARKS.items() for name in bench.candidates]
 of_machines = pytest.mark.parametrize(("machine", "name"), PAIRS)

@@ -53,6 +53,18 @@ def test_readings_that_are_slower_than_rows_count_once(tmp_path, rows, resolutio
     assert "left out" in run.metadata[NOTES][0]
 
 
+def test_slow_readings_are_found_among_all_rows_also_where_some_are_used(tmp_path):
+    _, (run,), table = sessions(
+        tmp_path,
+        "passive joint",
+        lambda angle: angle[np.arange(len(angle)) // 3 * 3],
+        lambda text: text.replace('rows = "motion"', 'rows = "motion"\nevery = 2'),
+    )
+    known = np.isfinite(run.columns["j1"])
+    np.testing.assert_array_equal(known, 2 * np.arange(len(known)) % 3 == 0)
+    np.testing.assert_allclose(run.columns["j1"][known], table[::6, -1], atol=1e-9)
+
+
 @pytest.mark.parametrize("resolution", [LSB, 10 * LSB])
 def test_a_coarse_encoder_repeats_nothing(tmp_path, resolution):
     _, (run,), _ = sessions(

@@ -46,6 +46,7 @@ def _log(path, late):
         f"{t / RATE:.4f},{u:.7f},{q:.7f}" for t, (u, q) in enumerate(zip(goals, seen, strict=True))
     )
     path.write_text(f"t,goal,angle\n{text}\n")
+    return path
 
 
 @pytest.mark.parametrize("late", [0.0, LATE])
@@ -71,3 +72,21 @@ def test_a_motion_is_planned_where_some_rows_are_used(tmp_path):
     shown = case.machine.respond([at], found.pieces)[0]
     again = found.pieces.measured - shown
     assert np.sqrt(np.nanmean(again**2)) < NOISE
+
+
+def test_one_step_for_each_command_converges_with_the_square_of_the_step(tmp_path):
+    """Of a spring that hardly anything damps, as an implicit step of damping is of first order."""
+    slow = MJCF.replace('timestep="0.002"', 'timestep="0.01"').replace(
+        '"20" kv="0.6"', '"2" kv="0"'
+    )
+    slow = slow.replace('damping="0.05"', 'damping="0.001"')
+    shown = {}
+    for steps in (5, 10, 20, 80):
+        toml = TOML.format(every=5).replace("steps = 60", f"steps = {steps}")
+        path = Example(slow, toml).write(tmp_path / str(steps))
+        case, pieces, at = opened(path, _log(tmp_path / "log.csv", 0.0))
+        assert case.machine.steps == steps
+        shown[steps] = case.machine.respond([at], pieces)[0]
+    off = [np.sqrt(np.nanmean((shown[n] - shown[80]) ** 2)) for n in (5, 10, 20)]
+    assert off[0] < 3e-3
+    assert off[0] / off[1] > 3 and off[1] / off[2] > 3

@@ -11,12 +11,10 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.identification.build_diagnosis import _calibrated
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import FreeParameters
-from serpent_twin.machines import trunk
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.vector import vector
 from serpent_twin.machines.machine import ParameterVector, by_coordinate
-from serpent_twin.machines.trunk.shape import KINDS
 
 RNG = np.random.default_rng(6)
 
@@ -83,18 +81,6 @@ def test_the_arms_table_holds_the_numbers_of_its_design(arm, spread):
     assert nominal["strand stiffness 3+"] == NOMINAL.strand_stiffness / 1e3
     assert nominal["place of marker 1, y in its link's frame"] == 25
     assert len(found) == len(arm.declared)
-
-
-def test_the_trunks_table_holds_the_numbers_of_its_shape():
-    sizes = {name: len(kind.names) for name, kind in KINDS.items()}
-    machine = trunk.Trunk({name: RNG.uniform(0.5, 1.5, n) for name, n in sizes.items()})
-    x = RNG.normal(0, 0.2, sum(sizes.values()))
-    shape, found = trunk.moved(machine.start, machine.kinds, x), at(machine, machine.quantities, x)
-    assert found["length of segment 2"] == pytest.approx(1e3 * shape["length"][1])
-    assert found["cable wound per radian, to disk 3"] == pytest.approx(1e3 * shape["wound"][2])
-    assert found["stiffness of the hose"] == pytest.approx(shape["hose"][0])
-    assert found["zero of motor 4"] == pytest.approx(np.degrees(shape["zero"][3]))
-    assert len(found) == len(machine.declared) == len(x)
 
 
 def test_an_interval_of_two_coordinates_has_the_errors_of_both(arm):

@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import open_machine
@@ -18,7 +19,7 @@ MJCF = """<mujoco>
       <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.4"/>
       <geom type="sphere" size="0.03" mass="0.1" pos="0.1 0.05 0"/>
       <site name="end" pos="0.3 0 0"/>
-      <body name="lower" pos="0.3 0 0">
+      <body name="lower" pos="0.3 0 0" euler="0 0.2 0">
         <joint name="push" type="slide" axis="1 0 0" stiffness="80"/>
         <geom type="sphere" size="0.01" mass="0.25" pos="0.05 0 0"/>
         <site name="tip" pos="0.05 0 0.01"/>
@@ -77,6 +78,7 @@ def changed(folder: Path, number: str, of: str, by: float, angle="radian"):
         ("tendon friction", "cable", "tendon_frictionloss", 1.5),
         ("tendon rest length", "cable", "tendon_lengthspring", 1.5),
         ("joint stiffness", "push", "jnt_stiffness", 1.5),
+        ("actuator gear", "drive", "actuator_gear", 1.5),
         ("mass", "lower", "body_mass", 1.5),
         ("mass", "lower", "body_mass", 1.001e-3),  # nearly as far as a fit takes it
     ],
@@ -115,6 +117,18 @@ def test_a_centre_of_mass_is_shifted_and_all_else_of_the_body_stays(tmp_path):
     shift = after.body_ipos - before.body_ipos
     assert shift[1] == pytest.approx([0, 4e-3, 0]) and not shift[[0, 2]].any()
     np.testing.assert_allclose(after.body_inertia, before.body_inertia, rtol=1e-9)
+
+
+@pytest.mark.parametrize("angle", ["radian", "degree"])
+def test_a_body_is_turned_about_its_own_axis_by_degrees(tmp_path, angle):
+    """Also one whose turn the model states by other angles than a quaternion."""
+    before, after = changed(tmp_path, "body angle z", "lower", 5.0, angle)
+    was, now = (
+        Rotation.from_quat(m.body("lower").quat, scalar_first=True) for m in (before, after)
+    )
+    assert was.magnitude() > 1e-3
+    np.testing.assert_allclose((was.inv() * now).as_rotvec(degrees=True), [0, 0, 5], atol=1e-9)
+    np.testing.assert_allclose(after.body("upper").quat, before.body("upper").quat)
 
 
 def test_a_site_is_shifted(tmp_path):

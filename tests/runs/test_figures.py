@@ -23,7 +23,7 @@ RANGES = [(2, 100), (4.1, 4.9), (3, 20), (1e-6, 1e7)]
 EFFECTS = sorted(
     {name for kind in CATALOGUE.values() for name in kind.confused_with} | set(CATALOGUE)
     | {"hinge_friction", "stribeck", "torque_saturation",
-       "command_delay", "servo_sag", "link_compression"}
+       "command_delay"}
 )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ def _machine(rig, logs):
     frame = {"pivot": np.zeros(3), "shift": np.zeros(3)}
     described, limits = rig.described, logged_limits(rig.described, logs)
     return model_machine.ModelMachine(
-        described, {}, coordinates(described), outputs, limits, frame, steps=STEPS
+        described, outputs, {}, coordinates(described), limits, frame, steps=STEPS
     )
 
 
@@ -58,7 +58,7 @@ class Serpent:
         none = np.zeros(len(self.machine.declared))
         points = [SimpleNamespace(declared=none, there=there) for there in several]
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(model_machine, "effects_at", lambda at: at.there)
+            patch.setattr(model_machine, "effects_at", lambda at: getattr(at, "there", ()))
             return self.machine.respond(points, self.pieces)
 
     def by_itself(self, *there):

@@ -3,17 +3,13 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 from made_readouts import made
 from session_log import make_session
-from trunk_runs import made as trunk_log
-from trunk_runs import moving, shape
 
 from serpent_twin import readouts, sessions
 from serpent_twin.effects.payload import Payload
@@ -23,8 +19,7 @@ from serpent_twin.hardware.dynamixel.turns import LastSeen, read_turns, write_tu
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Stopwatch
-from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.trunk import MACHINE, Trunk
+from serpent_twin.machines.model.twin_file import read_twin
 from serpent_twin.reservoir import sweep_run as sweep
 from serpent_twin.residual import learned
 from serpent_twin.sim import twin_model
@@ -62,16 +57,6 @@ def _written(name: str, write: Callable[[Path], object]) -> Callable[[Path], Pat
 
 def _json(name: str, content: object) -> Callable[[Path], Path]:
     return _written(name, lambda path: path.write_text(json.dumps(content)))
-
-
-@cache
-def _trunk_text() -> str:
-    """The twin.json of a trunk, which takes seconds to make."""
-    case = MACHINE.open([trunk_log(Trunk(shape()), moving(14))])
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "twin.json"
-        case.write(ParameterVector.nominal(case.declared), path, {})
-        return path.read_text()
 
 
 def _readout(folder: Path) -> Path:
@@ -118,6 +103,10 @@ def _correction(path: Path) -> None:
 _ROW = {"mean_mm": 4.0, "std_mm": 1.0, "tip_mm": 5.0, "latency_ms": 0.1, "train_s": 1.0}
 _ADAPTED = {"logs": "x", "test_sessions": ["a"], "provenance": {}}
 _POINT = {"point": {}, "arm": {}, "measuring": {}, "failed": {}, "body": None, "pose": None}
+_LEVER = {
+    "kind": "lever", "schema_version": 2, "first": {"pivot": [0.1, 0.0, 0.2], "shift": [0.0, 0.0, 0.0]},
+    "declared": {"tendon slack of cable": {"value": 0.2, "unit": "mm"}}, "effects": [],
+}  # fmt: skip
 _TURNS = LastSeen(np.arange(10), np.zeros(10, int), False)
 
 READERS: dict[str, Reader] = {
@@ -129,11 +118,7 @@ READERS: dict[str, Reader] = {
         twin_model.read,
         ("parameters", "joint_damping"),
     ),
-    "trunk": Reader(
-        _written("twin.json", lambda path: path.write_text(_trunk_text())),
-        lambda path: MACHINE.changed(path).open([]),
-        ("first", "hose", 0),
-    ),
+    "lever": Reader(_json("twin.json", _LEVER), lambda path: read_twin(path, "lever"), ("first", "pivot", 0)),
     "readout.json": Reader(_readout, lambda path: readouts.load(path.parent), ("config", "ridge")),
     "cost": Reader(_json(COST, {"train_s": 3.0}), lambda path: training_time(path.parent), ("train_s",)),
     "adapted": Reader(

@@ -17,7 +17,6 @@ LEFT_OUT: Mapping[str, str] = {
     "gravity": "its size is known, and base_tilt turns it",
     "hinge_friction": "the arm's calibration fits friction and damping of each hinge",
     "joint_stiffening": "a sleeve along the arm is joint_elasticity",
-    "link_compression": "the arm's links are of rigid nylon",
     "sensor_delay": "mocap_latency delays the cameras, motor_latency the motors",
     "servo_lag": "how its motors follow a speed is part of their bus",
     "stribeck": "the arm's gears turn with its motors, which cables part from the hinges",

@@ -13,15 +13,16 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Output, ParameterVector
 from serpent_twin.machines.model import log_file
+from serpent_twin.machines.model.before import Before, looking_for_changes, read_before
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.machines.model.coordinates import coordinates
-from serpent_twin.machines.model.description import MOTION, POSES, Described, beside
+from serpent_twin.machines.model.description import MOTION, POSES, Described, Description, beside
 from serpent_twin.machines.model.doubts import (
     require_enough,
     require_moving_poses,
     require_varied,
 )
-from serpent_twin.machines.model.encoders import put_right
+from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import EVERY, SEARCHED, ModelMachine
@@ -47,6 +48,8 @@ class ModelRig:
     """A model and the logs of its machine."""
 
     described: Described
+    twin: Path | None = None
+    """twin.json of the machine before something about it was changed"""
 
     @property
     def name(self) -> str:
@@ -63,10 +66,16 @@ class ModelRig:
         runs = log_file.read_runs(self.described, source)
         if self.described.about.rows == POSES:
             return runs
-        return with_starts(self.described, [put_right(self.described, run) for run in runs])
+        return with_starts(self.described, runs)
+
+    def changed(self, twin: Path) -> "ModelRig":
+        """The rig of a machine about which something was changed since a trace wrote this twin.json."""
+        return ModelRig(looking_for_changes(self.described), twin)
 
     def open(self, training: Sequence[Log]) -> Case[Segments]:
-        """The model as it is; the cameras' frame by the mean of the logs."""
+        """The model as it is, the cameras' frame by the mean of the logs; or the twin of before a change."""
+        fitted = coordinates(self.described)
+        before = read_before(self.described, fitted, self.twin) if self.twin else Before()
         require_varied(self.described, training)
         outputs = tuple(
             Output(
@@ -81,13 +90,14 @@ class ModelRig:
         known, not_sought = sought(self.described, candidates(self.described, training))
         machine = ModelMachine(
             self.described,
-            known,
-            coordinates(self.described),
             outputs,
+            before.sought(known),
+            fitted,
             logged_limits(self.described, training),
-            {"pivot": np.zeros(3), "shift": np.zeros(3)},
-            steps=self.described.about.steps or STEPS[0],
+            before.frame or {"pivot": np.zeros(3), "shift": np.zeros(3)},
+            steps=_steps(self.described.about),
             not_sought=not_sought,
+            before=before,
         )
         pieces = machine.pieces(training)
         if self.described.about.rows == MOTION:
@@ -106,7 +116,7 @@ class ModelRig:
             if not self.described.about.steps:
                 machine, found = _finer(machine, few, found)
         first, spread = _first(machine, few, found)
-        machine = replace(machine, frame=first)
+        machine = machine if before.frame else replace(machine, frame=first)
         if self.described.about.rows == POSES:
             machine = sized(machine, few)
         notes = about_starts(self.described, machine.outputs, machine.begun)
@@ -118,6 +128,14 @@ def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
     and key.
     """
     return ModelRig(read(path, model_file))
+
+
+def _steps(about: Description) -> int:
+    """Time steps in a row of a motion with which a machine begins: those that it states, if they are enough
+    for effects on its drives, which change what is told several times in a row.
+    """
+    least = about.every if about.every >= PARTS else STEPS[0]
+    return max(about.steps, least) if about.steps else STEPS[0]
 
 
 def _nominal(machine: ModelMachine, few: Segments) -> Array:

@@ -84,6 +84,8 @@ def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candida
 def _wanted(machine: Described, found: Sequence[Candidate]) -> list[Candidate]:
     """Those that the description names; all if it names none."""
     wanted = machine.about.candidates
+    if machine.about.lead:  # before which segments know no past
+        found = [each for each in found if not KNOWN[law_of(each.name)].remembers]
     for pattern in wanted:
         if not any(fnmatchcase(each.name, pattern) for each in found):
             raise SerpentError(

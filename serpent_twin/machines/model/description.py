@@ -223,6 +223,10 @@ class Description(Form, frozen=True):
     """Names, with wildcards, of the effects that the machine may have, such as `["*_friction@*"]`; by default
     all that have a place in it
     """
+    changes: Annotated[tuple[Name, ...], many(0, 1000)] = ()
+    """Names, with wildcards, of the effects that are candidates where something was changed about the machine
+    since its twin was found; by default those of `candidates`
+    """
     known: tuple[KnownNumber, ...] = ()
     """Numbers of the model that differ from session to session"""
     every: Annotated[int, within(1, 100_000)] = 1
@@ -233,8 +237,14 @@ class Description(Form, frozen=True):
     """Time [s] about the first row of a segment, through which a parabola gives the state in which the
     segment begins; 0: the model follows the 15 rows before the segment
     """
+    lead: Annotated[float, within(0.0, 1e3)] = 0.0
+    """Time [s] before each segment through which the model moves there from rest in its keyframe, for a
+    machine that has forgotten by then how it was; 0: segments begin as the log says
+    """
     steps: Annotated[int, within(0, 1000)] = 0
-    """Time steps of the simulation between two rows of a motion, at least 8; 0: set by the noise"""
+    """Time steps of the simulation between two rows of a motion, at least 8, or one for each command where
+    `every` is 4 or more; 0: set by the noise
+    """
 
 
 def pose_first(about: Description) -> Description:
@@ -258,6 +268,8 @@ MEASURES = {
     "rad/s": ANGULAR_VELOCITY,
 }
 """By SI unit"""
+_STATED = {"m": ("mm", 1e-3), "rad": ("°", np.pi / 180)}
+"""Units in which lengths and angles are stated, and how many of SI they are"""
 _PLACE = Measure("place", "the place is", "place error, rms", "mm", "mm", 1e3, "m")
 
 
@@ -340,16 +352,14 @@ class Described:
 
     def control_unit(self, drive: DriveColumn) -> tuple[str, float]:
         """The unit in which what is driven is stated, and how many of SI it is."""
-        if not drive.actuator:
-            return ("mm", 1e-3) if TO_SI[drive.unit][1] == "m" else ("°", np.pi / 180)
-        n = self.model.actuator(drive.actuator).id
-        kind, target = self.model.actuator_trntype[n], self.model.actuator_trnid[n, 0]
-        if not self.is_servo(drive.actuator):
+        n = self.model.actuator(drive.actuator).id if drive.actuator else 0
+        if drive.actuator and not self.is_servo(drive.actuator):
             return "1", 1.0
+        if (told := TO_SI[drive.unit][1]) in _STATED:  # that of a geared servo is before the gear
+            return _STATED[told]
+        kind, target = self.model.actuator_trntype[n], self.model.actuator_trnid[n, 0]
         slides = kind == mujoco.mjtTrn.mjTRN_JOINT and self.model.jnt_type[target] == _SLIDE
-        if kind == mujoco.mjtTrn.mjTRN_TENDON or slides:
-            return "mm", 1e-3
-        return "°", np.pi / 180
+        return _STATED["m" if kind == mujoco.mjtTrn.mjTRN_TENDON or slides else "rad"]
 
     def limits(self, drive: DriveColumn) -> Array | None:
         """Of what is driven [SI], (2,); None where it has none."""

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.effects import Effect
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
@@ -34,6 +35,12 @@ def acting(
         return None
     earlier = None
     recalls = any(each.recalls for each in several) and not pieces.planned
+    if recalls and machine.about.lead:
+        lasting = ", ".join(type(each).__name__ for each in several if each.recalls)
+        raise SerpentError(
+            f"the effect {lasting} remembers for longer than the lead of {machine.about.lead:g} s, after "
+            f"which segments of {machine.name} count. Leave it out of this twin."
+        )
     if recalls and measured_joints(machine):
         earlier = _earlier(machine, model, there, x, pieces, past, twin)
     return Acting([several] * len(pieces), clocks_of(pieces), earlier)

@@ -159,7 +159,8 @@ class TwinsInMotion:
         """
         machine = self.machine
         more = model.na or model.nhistory or not all_measured(machine)
-        return bool(more) and not machine.prescribed and not pieces.planned
+        known = machine.prescribed or machine.about.lead or pieces.planned
+        return bool(more) and not known
 
     def _followed(self, pieces: Segments) -> FollowedSessions:
         """The twins in the whole sessions of some runs, those of one after those of the other, until the last

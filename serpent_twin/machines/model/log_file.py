@@ -1,6 +1,6 @@
 """Read the columns of logs that a machine.toml names, in SI units."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import KEY
 from serpent_twin.machines.model.clocks import in_sequence
 from serpent_twin.machines.model.description import (
     MOTION,
@@ -29,6 +28,7 @@ from serpent_twin.machines.model.doubts import (
     require_unit,
     require_within,
 )
+from serpent_twin.machines.model.encoders import put_right
 from serpent_twin.machines.model.full_rate import thinned
 from serpent_twin.machines.model.known import STATED, stated
 from serpent_twin.machines.model.log_files import LogTables, find
@@ -40,6 +40,8 @@ from serpent_twin.tables import DataTable, imported, lerobot
 from serpent_twin.tables.log import Log
 from serpent_twin.units import TO_SI
 
+KEY = b"measured"
+"""Of the metadata of a Parquet log that state how it was driven, as JSON"""
 _ADVICE = "Name the column in machine.toml as the log has it."
 _OTHER = "Name another column in machine.toml."
 
@@ -69,6 +71,8 @@ def read(machine: Described, log: LogTables) -> list[Log]:
     whole = Log(table.path, {"arm": machine.name}, {}, log.name)
     split = rows_in_motion if about.rows == MOTION else poses
     found, notes = split(machine, whole, several, labels)
+    if about.rows == MOTION:
+        found = [put_right(machine, each) for each in found]
     found = [thinned(machine, each) for each in found]
     for each in found if about.rows == MOTION else ():
         require_paced(machine, table.path, each)
@@ -79,10 +83,15 @@ def read(machine: Described, log: LogTables) -> list[Log]:
             each,
             metadata=each.metadata
             | {STATED: stated(machine, each, metadata)}
-            | ({NOTES: tuple(notes)} if notes and not n else {}),
+            | ({NOTES: said} if (said := _notes(each, () if n else notes)) else {}),
         )
         for n, each in enumerate(found)
     ]
+
+
+def _notes(run: Log, of_all: Sequence[str]) -> tuple[str, ...]:
+    """Sentences on what was put right in all sessions of a log, and in one."""
+    return *of_all, *run.metadata.get(NOTES, ())
 
 
 def _columns(machine: Described, table: DataTable) -> RawLog:

@@ -13,7 +13,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import CLOCK_BEGAN
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.doubts import FEWEST
-from serpent_twin.machines.model.starts import measured_joints
+from serpent_twin.machines.model.starts import starts_anywhere
 from serpent_twin.numerals import counted, listed
 from serpent_twin.tables.even import EvenRows, Mended, UnevenError, even_rows
 from serpent_twin.tables.log import Log
@@ -108,7 +108,7 @@ def _even(machine: Described, one: RawLog) -> list[EvenRows]:
         pieces = even_rows(one.time, readings, [*one.of(one.commands), *readings])
     except UnevenError as error:
         raise SerpentError(f"{one.path}: {one.clock!r} {error}.") from None
-    if len(pieces) > 1 and not measured_joints(machine):
+    if len(pieces) > 1 and not starts_anywhere(machine):
         end, next_ = pieces[0].time[-1], pieces[1].time[0]
         raise SerpentError(
             f"{one.path}: no rows for {next_ - end:.3g} s after {end - pieces[0].time[0]:.4g} s, and not all "

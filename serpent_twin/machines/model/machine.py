@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -12,23 +13,23 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
 from serpent_twin.effects.law import Law
 from serpent_twin.engine.quiet import quietly
+from serpent_twin.engine.stepper import structure
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import (
     Declared,
-    Output,
     ParameterVector,
     Quantity,
     by_coordinate,
     effects_at,
 )
-from serpent_twin.machines.measured import RunMachine
 from serpent_twin.machines.model.at_rest import TwinAtRest
+from serpent_twin.machines.model.before import Before
+from serpent_twin.machines.model.columns import MachineOfColumns
+from serpent_twin.machines.model.compared import compared
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.derivatives import MIN_STEPS, agree, derivatives
-from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
-from serpent_twin.machines.model.drive_table import write_calibration
+from serpent_twin.machines.model.description import MOTION, POSES
 from serpent_twin.machines.model.drives import ToldBefore
-from serpent_twin.machines.model.full_rate import columns_between
 from serpent_twin.machines.model.full_states import lengthen_buffers
 from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
 from serpent_twin.machines.model.known import Factor
@@ -39,15 +40,14 @@ from serpent_twin.machines.model.places import ModelPlaces, only_single, units_o
 from serpent_twin.machines.model.pose_places import places_at_rest
 from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.prescribed import prescribe
-from serpent_twin.machines.model.segments import ROWS, segments
 from serpent_twin.machines.model.session_starts import SessionStarts
-from serpent_twin.machines.model.starts import start_columns, started_again
+from serpent_twin.machines.model.starts import started_again
 from serpent_twin.machines.model.state_effects import acting_on_state
 from serpent_twin.machines.model.switches import separate
+from serpent_twin.machines.model.twin_file import write_twin
 from serpent_twin.machines.places import PlacesInRow
-from serpent_twin.residual import Measure
-from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Segments, cut
+from serpent_twin.residual import Comparison
+from serpent_twin.tables.segments import Segments
 
 EVERY = 1_000_000
 """Segments of the last fit: all"""
@@ -62,19 +62,19 @@ _MANY, _ROUNDS = 12, (8, 2)
 
 
 @dataclass(frozen=True)
-class ModelMachine(RunMachine):
+class ModelMachine(MachineOfColumns):
     """A model, and how the columns of a log drive it and are compared with it."""
 
-    described: Described
     known: Mapping[str, Candidate]
     """The candidates"""
     coordinates: tuple[FittedNumber, ...]
-    outputs: tuple[Output, ...]
+    """Of the model, its drives and cameras"""
     logged: LoggedLimits
     """What motions keep that are proposed"""
     frame: Mapping[str, Any]
     """`shift` of the cameras' frame, and the `pivot` about which it is turned, (3,) each [m]"""
     segments: tuple[int, int] = (40, EVERY)
+    """How many segments a fit uses at most while it searches, and the last fit"""
     rests: Rests = field(default_factory=Rests, compare=False, repr=False)
     """Poses found so far"""
     steps: int = STEPS[0]
@@ -87,13 +87,13 @@ class ModelMachine(RunMachine):
     """What actuators were told in the last few twins"""
     begun: SessionStarts = field(default_factory=SessionStarts, compare=False, repr=False)
     """How sessions begin"""
-    every: int = 1
-    block: float = 0.0
-    window: None = None
-    joints: tuple[str, ...] = ()
-    attachable: bool = True
     not_sought: tuple[str, ...] = ()
     """Sentences on effects that are not sought, and on what nothing measures"""
+    before: Before = field(default_factory=Before)
+    """What was found of it before something about it was changed"""
+
+    steps_of_derivative: int = 2
+    """Few: a derivative is one more simulation for each free parameter"""
 
     @property
     def weak_rounds(self) -> int:
@@ -103,59 +103,6 @@ class ModelMachine(RunMachine):
         return _ROUNDS[self.described.model.nv > _MANY]
 
     @property
-    def name(self) -> str:
-        """The machine's."""
-        return self.described.name
-
-    @property
-    def first(self) -> Mapping[str, Any]:
-        """Where the frame of the cameras starts."""
-        return self.frame
-
-    @property
-    def drives(self) -> Mapping[str, str]:
-        """What each drive moves, by its column."""
-        return {each.column: each.of[1] for each in self.described.about.drive}
-
-    @property
-    def motors(self) -> tuple[Measure, ...]:
-        """What each drive's column is."""
-        return tuple(self.described.told(each) for each in self.described.about.drive)
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Columns that a simulation reads."""
-        described = self.described
-        more: tuple[str, ...] = ()
-        if described.about.rows == MOTION:
-            more = (*start_columns(described), *columns_between(described))
-        return (*self.drives, *described.switches, *more)
-
-    @property
-    def markers(self) -> tuple[str, ...]:
-        """What the pose is made of."""
-        return tuple(name for each in self._of_pose(True) for name in each.names)
-
-    @property
-    def others(self) -> tuple[str, ...]:
-        """What the other channels are of: each number for itself."""
-        return tuple(
-            name
-            for one in self._of_pose(False)
-            for name in ([f"{one.site} along {axis}" for axis in "xyz"] if one.site else one.names)
-        )
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """The thing that each output is measured at, (C,)."""
-        return tuple(each.of[1] for each in self.described.about.measured for _ in each.columns)
-
-    def _of_pose(self, wanted: bool) -> list[MeasuredColumns]:
-        """What is measured of the pose, or beside it."""
-        pose = self.described.pose
-        return [each for each in self.described.about.measured if (each.measure == pose) == wanted]
-
-    @property
     def candidates(self) -> Mapping[str, Candidate]:
         """The candidates: effects that the machine may have."""
         return self.known
@@ -163,37 +110,56 @@ class ModelMachine(RunMachine):
     @property
     def declared(self) -> tuple[Declared, ...]:
         """What calibration fits."""
-        return tuple(each.declared for each in self.coordinates)
+        return tuple(each.declared for each in self._free)
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """The physical quantity of each coordinate."""
-        return tuple(each.quantity for each in self.coordinates)
+        return tuple(each.quantity for each in self._free)
 
-    def pieces(self, sessions: Sequence[Log]) -> Segments:
-        """Sessions in segments of some rows; whole, if a motion can start from its first row only."""
-        parts = [part for run in sessions for part in segments(self.described, run)]
-        return cut(parts, self.columns, [each.name for each in self.outputs])
+    @property
+    def _free(self) -> list[FittedNumber]:
+        """The coordinates that are fitted."""
+        return self.before.free(self.described, self.coordinates)
 
-    def block_rows(self, pieces: Segments) -> int:
-        """As few as can be; of sessions that are simulated whole those of a usual segment, so that few are
-        left: a motion's error follows that of the rows before.
-        """
-        rows = pieces.time.shape[1]
-        if self.described.about.rows == POSES or rows < 2 * ROWS:
-            return super().block_rows(pieces)
-        return rows // (rows // ROWS)
+    @property
+    def error_before_change(self) -> float:
+        """Of the pose, in its measure's unit; 0 if unknown."""
+        return self.before.error
+
+    def values(self, declared: Array) -> dict[str, float]:
+        """All coordinates, by name, where those that are fitted are at some values, (P,)."""
+        own = by_coordinate(self.declared, declared)
+        was = self.before.values
+        return {**was, **{name: was.get(name, 0.0) + by for name, by in own.items()}}
+
+    def effects_at(self, point: ParameterVector) -> tuple[Effect, ...]:
+        """All effects of a twin, those of before a change among them."""
+        return (*self.before.effects, *effects_at(point))
+
+    def alike(self, points: Sequence[ParameterVector]) -> list[list[int]]:
+        """Those with the same effects."""
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for n, point in enumerate(points):
+            groups.setdefault(tuple(point.effects), []).append(n)
+        return list(groups.values())
 
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
         """The twin as MJCF."""
         spec = self.described.spec.copy()
-        edit_numbers(spec, self.coordinates, by_coordinate(self.declared, declared))
-        edit(spec, effects)
+        edit_numbers(spec, self.coordinates, self.values(declared))
+        edit(spec, (*self.before.effects, *effects))
         return spec
 
-    def write_calibration(self, spec: mujoco.MjSpec, declared: Array) -> list[str]:
-        """Write scales and zeros of the drives into their actuators."""
-        return write_calibration(spec, self.described, by_coordinate(self.declared, declared))
+    def compare(self, point: ParameterVector | None, pieces: Segments) -> Comparison:
+        """Measured beside predicted, in blocks that are judged one by one."""
+        return compared(self, point or ParameterVector.nominal(self.declared), pieces)
+
+    def write(
+        self, point: ParameterVector, noise: Array, path: Path, about: Mapping[str, Any]
+    ) -> None:
+        """Write the twin's parameters as PATH, and what MJCF can express of it as PATH.xml."""
+        write_twin(self, point, path, about)
 
     def _compiled(
         self, declared: Array, effects: Sequence[Effect], known: Sequence[Factor]
@@ -217,34 +183,40 @@ class ModelMachine(RunMachine):
         with quietly(), np.errstate(all="ignore"):  # what is unstable is said by who asks
             if self.described.about.rows == POSES:
                 return np.array([self._at_rest(point).shown(pieces) for point in points])
-            act = [bool(self._on_state(point)) for point in points]
-            if len(set(act)) > 1:
-                return np.concatenate([self.respond([p], pieces, timestep) for p in points])
-            at_once = len(points) if act[0] or self.described.prescribed else 1
+            out = np.full((len(points), *pieces.time.shape, len(self.places)), np.nan)
             steps = round(self.row / timestep) if timestep else self.steps
-            return np.concatenate(
-                [
-                    self._in_motion(points[n : n + at_once], steps).shown(pieces)
-                    for n in range(0, len(points), at_once)
-                ]
-            )
+            for alike in self._of_one_structure(points):
+                several = [points[n] for n in alike]
+                out[alike] = self._in_motion(several, steps).shown(pieces)
+            return out
+
+    def _of_one_structure(self, points: Sequence[ParameterVector]) -> list[list[int]]:
+        """Twins that can be simulated side by side; without those that MuJoCo refuses to build."""
+        groups: dict[object, list[int]] = {}
+        for n, point in enumerate(points):
+            try:
+                model = self._compiled(point.declared, effects_at(point), ())
+            except ValueError:
+                continue
+            act = bool(self._on_state(point))
+            groups.setdefault((act, structure(model)), []).append(n)
+        return list(groups.values())
 
     def _on_state(self, point: ParameterVector) -> list[Effect]:
         """The effects that act in each time step."""
         described = self.described
-        return acting_on_state(effects_at(point), described.model, described.winches)
+        return acting_on_state(self.effects_at(point), described.model, described.winches)
 
     def _at_rest(self, point: ParameterVector) -> TwinAtRest:
         """A twin whose rows are poses at rest."""
-        x, there = by_coordinate(self.declared, point.declared), effects_at(point)
-        compiled = partial(self._compiled, point.declared, there)
+        x, there = self.values(point.declared), self.effects_at(point)
+        compiled = partial(self._compiled, point.declared, effects_at(point))
         return TwinAtRest(self.described, self.frame, self.places, self.rests, there, x, compiled)
 
     def _in_motion(self, points: Sequence[ParameterVector], steps: int = 0) -> TwinsInMotion:
         """Twins of one structure in motion, in so many time steps a row, or the usual ones."""
-        zero = ParameterVector.nominal(self.declared)
-        nominal = self._moving(zero, ())
-        twins = [self._moving(point, effects_at(point)) for point in points]
+        nominal = self._moving(ParameterVector.nominal(self.declared))
+        twins = [self._moving(point) for point in points]
         return TwinsInMotion(
             self.described,
             self.frame,
@@ -258,9 +230,9 @@ class ModelMachine(RunMachine):
             steps or self.steps,
         )
 
-    def _moving(self, point: ParameterVector, there: Sequence[Effect]) -> MovingTwin:
-        x = by_coordinate(self.declared, point.declared)
-        compiled = partial(self._compiled, point.declared, there)
+    def _moving(self, point: ParameterVector) -> MovingTwin:
+        x, there = self.values(point.declared), self.effects_at(point)
+        compiled = partial(self._compiled, point.declared, effects_at(point))
         return MovingTwin(self.described, there, x, compiled, self.told)
 
     def coarse_step(self, points: Sequence[ParameterVector]) -> float | None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from serpent_twin.engine.friction_softness import softness_of
 from serpent_twin.machines.model.masses import weigh
@@ -86,6 +87,10 @@ def _scale_damping(actuator: Any, factor: float) -> None:
     actuator.biasprm[2] *= factor
 
 
+def _scale_gear(actuator: Any, factor: float) -> None:
+    actuator.gear[:] *= factor
+
+
 def _of_motor(place: int) -> Callable[[mujoco.MjModel], np.ndarray]:
     return lambda model: np.where(is_dc_motor(model), model.actuator_gainprm[:, place], 0.0)
 
@@ -148,6 +153,26 @@ def _turned(name: str, compiled: str, prior: float) -> NumberKind:
     return NumberKind(_TURN, "joint", read, shift, prior, added=True, fitted=False)
 
 
+def _angled(axis: int) -> NumberKind:
+    """A turn of a body about an axis of its own frame, beyond how the model has it."""
+
+    def turn(body: Any, by: float) -> None:
+        beyond = Rotation.from_rotvec(np.radians(by) * np.eye(3)[axis])
+        own = Rotation.from_quat(body.quat, scalar_first=True)
+        body.quat = (own * beyond).as_quat(scalar_first=True)
+
+    return NumberKind(
+        _TURN,
+        "body",
+        lambda model: np.zeros(model.nbody),
+        turn,
+        2.0,
+        added=True,
+        stated=True,
+        fitted=False,
+    )
+
+
 def _near_rest(model: mujoco.MjModel) -> np.ndarray:
     """How steeply dry friction of joints rises with velocity near rest, 2 / ((1 − d) τ) [1/s], of the
     impedance d and time constant τ of its constraint: over the inverse inertia, in N m s/rad.
@@ -201,6 +226,9 @@ NUMBERS: Mapping[str, NumberKind] = {
     "actuator damping": NumberKind(
         "s", "actuator", _damping_time, _scale_damping, 0.2, at_rest=False
     ),
+    "actuator gear": NumberKind(
+        "1", "actuator", lambda m: m.actuator_gear[:, 0], _scale_gear, 0.1, fitted=False
+    ),
     "tendon stiffness": NumberKind(
         "N/m", "tendon", lambda m: m.tendon_stiffness, _attribute("stiffness")
     ),
@@ -239,6 +267,7 @@ NUMBERS: Mapping[str, NumberKind] = {
     "body x": _along(0),
     "body y": _along(1),
     "body z": _along(2),
+    **{f"body angle {axis}": _angled(n) for n, axis in enumerate("xyz")},
     **{f"centre of mass {axis}": _shifted("ipos", n) for n, axis in enumerate("xyz")},
     **{f"site {axis}": _shifted("pos", n) for n, axis in enumerate("xyz")},
 }
@@ -273,17 +302,18 @@ def change_number(spec: mujoco.MjSpec, number: str, which: int, by: float) -> No
         "tendon": spec.tendons,
         "site": spec.sites,
     }[kind.of]
-    if kind.unit == _TURN:
+    if kind.unit == _TURN and kind.of == "joint":
         slides = things[which].type == mujoco.mjtJoint.mjJNT_SLIDE
         by *= 1e-3 if slides else 1.0 if spec.compiler.degree else np.pi / 180
     kind.change(things[which], by)
 
 
 def state_all(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """Write into a spec what its compiler finds, so that it can be changed: where a body has its centre of
-    mass, and at which length a tendon rests.
+    """Write into a spec what its compiler finds, so that it can be changed: how a body is turned and where it
+    has its centre of mass, and at which length a tendon rests.
     """
     for n, body in enumerate(spec.bodies):
+        body.quat, body.alt.type = model.body_quat[n], mujoco.mjtOrientation.mjORIENTATION_QUAT
         if not body.explicitinertial and model.body_mass[n] > 0:
             body.mass, body.ipos, body.iquat = (
                 model.body_mass[n],

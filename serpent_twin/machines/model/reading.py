@@ -104,6 +104,12 @@ def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
         ]
     if about.rows == MOTION and not about.time:
         found.append(("rows", f'is "{MOTION}", and no time column is named: add [time].'))
+    if about.lead and about.rows != MOTION:
+        found.append(("lead", f'is of a motion, and rows are "{about.rows}": leave it out.'))
+    if about.lead and about.start:
+        found.append(
+            ("start", "says how segments begin, and so does lead: leave one of the two out.")
+        )
     if about.time and (of := TO_SI[about.time.unit][1]) not in ("s", "1"):
         found.append(("time.unit", f"is {about.time.unit!r}, of {of}; time is in s, ms, µs or ns."))
     kinds = [] if found else list(dict.fromkeys(each.measure.one for each in about.measured))

@@ -5,8 +5,9 @@ from math import ceil
 
 import numpy as np
 
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.description import MOTION, Described
-from serpent_twin.machines.model.starts import LEAD, measured_joints
+from serpent_twin.machines.model.starts import LEAD, starts_anywhere
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Stretch
 
@@ -23,9 +24,27 @@ def segments(machine: Described, run: Log) -> list[Stretch]:
     if a motion can start from its first row only.
     """
     about, moves = machine.about, machine.about.rows == MOTION
-    whole = moves and not measured_joints(machine)
-    parts = 1 if whole else ceil(len(run) / (about.segment or (ROWS if moves else _POSES)))
-    lead = 0 if whole or about.start else LEAD if moves else _LEAD
-    ends = np.linspace(lead if moves else 0, len(run), parts + 1).round().astype(int).tolist()
+    whole = moves and not starts_anywhere(machine)
+    lead = 0 if whole else _lead(machine, run)
+    first = lead if moves else 0
+    size = about.segment or (ROWS if moves else _POSES)
+    parts = 1 if whole else ceil(len(run) / size)
+    ends = np.linspace(first, len(run), parts + 1).round().astype(int).tolist()
     found = [Stretch(run, max(0, at - lead), end, (at, end)) for at, end in pairwise(ends)]
     return [each for each in found if each.end - each.first >= _FEWEST]
+
+
+def _lead(machine: Described, run: Log) -> int:
+    """Rows before each segment; raises a `SerpentError` of a session that ends before they do."""
+    about = machine.about
+    if about.rows != MOTION:
+        return _LEAD
+    if not about.lead:
+        return 0 if about.start else LEAD
+    lead, seconds = ceil(about.lead / run.period), float(run.time[-1] - run.time[0])
+    if len(run) < lead + _FEWEST:
+        raise SerpentError(
+            f"{run.name} lasts {seconds:.4g} s, no longer than the lead of {about.lead:g} s that "
+            f"{machine.path} states. Give longer logs, or a shorter lead if the machine forgets sooner."
+        )
+    return lead

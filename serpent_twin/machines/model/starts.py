@@ -54,6 +54,11 @@ def measured_joints(machine: Described) -> dict[str, str]:
     return {} if machine.prescribed and not (by_sites or _all_known(machine, columns)) else columns
 
 
+def starts_anywhere(machine: Described) -> bool:
+    """Whether a motion can be simulated from any row of a log."""
+    return bool(machine.about.lead or measured_joints(machine))
+
+
 def all_measured(machine: Described) -> bool:
     """Whether all joints are measured or prescribed."""
     return _all_known(machine, measured_joints(machine))
@@ -116,7 +121,7 @@ def started_again(
 def start(machine: Described, begin: Array, pieces: Segments) -> SegmentStart:
     """Where the segments of a log begin; where nothing is known of a joint, in a pose (nq,)."""
     column, joints, S = pieces.column, tuple(measured_joints(machine)), len(pieces)
-    if not joints:
+    if machine.about.lead or not joints:
         return SegmentStart((), np.zeros((S, 0, 2)), np.zeros((S, 0, LEAD)), begin)
     state = [[column[of(joint)][:, 0] for of in (angle_of, rate_of)] for joint in joints]
     reading = [column[reading_of(joint)][:, :LEAD] for joint in joints]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.engine.recorded_steps import RecordedSteps
 from serpent_twin.engine.stepper import set_timestep, side_by_side
-from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.full_states import hold_history
 from serpent_twin.machines.model.known_motion import KnownMotion
 from serpent_twin.machines.model.late_sites import LateSites
@@ -25,8 +24,8 @@ from serpent_twin.machines.model.switches import Switches
 from serpent_twin.runs.processes import threads
 
 _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
-_EACH_PART = 2
-"""Steps of each part of a row; rows without parts have as many: effects of drives gain by no finer steps"""
+_ROUNDING = 1e-6
+"""Of a number of time steps, as clocks of logs have it"""
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,8 @@ class SteppedRuns:
         self._parts = driven.told.shape[1] // driven.rows
         self.batch, model = side_by_side(driven.models, threads()), self._model
         period, known = driven.period, driven.known
-        least = max(steps, period.max() / model.opt.timestep, _EACH_PART * PARTS)
-        self.nstep = max(ceil(least / self._parts), _EACH_PART)
+        least = max(steps, period.max() / model.opt.timestep)
+        self.nstep = ceil(least / self._parts - _ROUNDING)
         self.leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
         """Whether rates are half a step older than angles"""
         self.step = period / (self.nstep * self._parts)
@@ -202,9 +201,13 @@ class SteppedRuns:
         return np.stack(found, axis=-1)
 
     def _move(self, count: int, stage: int) -> None:
-        """Take time steps and compute the stages of what is reached; step by step where effects act on the
-        state, a motion is prescribed or all is recorded.
+        """Take time steps, if any, and compute the stages of what is reached; step by step where effects act
+        on the state, a motion is prescribed or all is recorded.
         """
+        if not count:
+            if stage:
+                self.batch.forward(stage=stage)
+            return
         if not (self._laws or self._prescription or self.late or self._record):
             self.batch.step(nstep=count, stage=stage)
             return

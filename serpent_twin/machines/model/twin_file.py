@@ -1,8 +1,8 @@
-"""Read the twin.json that the trace of a measured machine wrote."""
+"""Read and write the twin of a machine: twin.json, and the MJCF beside it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from msgspec import field
@@ -10,8 +10,14 @@ from msgspec import field
 from serpent_twin import effects, stored
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
+from serpent_twin.engine.exact_xml import to_xml
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.machine import ParameterVector, effects_at
+from serpent_twin.machines.model.drive_table import write_calibration
+from serpent_twin.runs.files import write_json, write_whole
+
+if TYPE_CHECKING:
+    from serpent_twin.machines.model.machine import ModelMachine
 
 _ARM = "serpent_twin design"
 """Kind of the serpentine arm's twin.json"""
@@ -95,17 +101,27 @@ def read_described(path: Path) -> MachineTwin:
     return stored.take(values, MachineTwin, str(path), advice)
 
 
-def to_dict(
-    kind: str,
-    first: Mapping[str, Any],
-    declared: Mapping[str, tuple[float, str]],
-    there: tuple[Effect, ...],
-) -> dict[str, Any]:
-    """A machine's twin as its twin.json stores it."""
-    return {
-        "kind": kind,
+def write_twin(
+    machine: "ModelMachine", point: ParameterVector, path: Path, about: Mapping[str, Any]
+) -> None:
+    """Write the twin's parameters as PATH, and what MJCF can express of it as PATH.xml."""
+    there, values = machine.effects_at(point), machine.values(point.declared)
+    spec = machine.spec(point.declared, effects_at(point))
+    spec.compile()
+    units = {each.declared.name: each.declared.unit for each in machine.coordinates}
+    told = {
+        "kind": machine.name,
         "schema_version": VERSION,
-        "first": dict(first),
-        "declared": {n: {"value": value, "unit": unit} for n, (value, unit) in declared.items()},
+        "first": dict(machine.frame),
+        "declared": {n: {"value": float(values[n]), "unit": unit} for n, unit in units.items()},
         "effects": [effects.to_dict(effect) for effect in there],
     }
+    write_json(path, told | dict(about))
+    left = [effects.name_of(e) for e in there if not e.absent and not e.export(spec)]
+    more = write_calibration(spec, machine.described, values)
+    notes = [f"only twin.json has {', '.join(each)}" for each in (left, more) if each]
+    if left:
+        notes[0] += f"; serpent_twin.attach adds {'it' if len(left) == 1 else 'them'}"
+    note = ". ".join(notes)
+    text = f"<!-- {note or 'all effects are here'}. -->\n{to_xml(spec, path.parent)}"
+    write_whole(path.with_suffix(".xml"), text)
