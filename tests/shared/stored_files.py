@@ -118,7 +118,11 @@ READERS: dict[str, Reader] = {
         twin_model.read,
         ("parameters", "joint_damping"),
     ),
-    "lever": Reader(_json("twin.json", _LEVER), lambda path: read_twin(path, "lever"), ("first", "pivot", 0)),
+    "lever": Reader(
+        _json("twin.json", _LEVER),
+        lambda path: read_twin(path, "lever"),
+        ("declared", "tendon slack of cable", "value"),
+    ),
     "readout.json": Reader(_readout, lambda path: readouts.load(path.parent), ("config", "ridge")),
     "cost": Reader(_json(COST, {"train_s": 3.0}), lambda path: training_time(path.parent), ("train_s",)),
     "adapted": Reader(
