@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from example import Example, table
 from scipy.integrate import solve_ivp
-from serpent_twin.identification.fitting.free_parameters import free_parameters
-from serpent_twin.identification.fitting.least_squares import fit
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from serpent_twin.hardware.dynamixel.turns import LastSeen, read_turns, write_tu
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Stopwatch
-from serpent_twin.machines.model.twin_file import read_twin
+from serpent_twin.machines.model.before import read_before
 from serpent_twin.reservoir import sweep_run as sweep
 from serpent_twin.residual import learned
 from serpent_twin.sim import twin_model
@@ -120,7 +121,11 @@ READERS: dict[str, Reader] = {
     ),
     "lever": Reader(
         _json("twin.json", _LEVER),
-        lambda path: read_twin(path, "lever"),
+        lambda path: read_before(
+            SimpleNamespace(name="lever"),
+            [SimpleNamespace(declared=SimpleNamespace(name="tendon slack of cable"))],
+            path,
+        ),
         ("declared", "tendon slack of cable", "value"),
     ),
     "readout.json": Reader(_readout, lambda path: readouts.load(path.parent), ("config", "ridge")),

@@ -8,12 +8,20 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from serpent_twin import effects
+from serpent_twin import effects, stored
 from serpent_twin.effects import Effect
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.model.coordinates import FittedNumber, zero_of
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.description import Described, Vector
 from serpent_twin.machines.model.twin_file import read_twin
+
+
+class CamerasFrame(stored.Form, frozen=True):
+    """How the cameras' frame lies in the world [m], as twin.json has it under `first`."""
+
+    pivot: Vector
+    """Point about which it is turned"""
+    shift: Vector
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,8 @@ def read_before(machine: Described, all_of: Sequence[FittedNumber], path: Path) 
     names = [each.declared.name for each in all_of]
     values = twin.along(names, f"{path}: declared")
     found = dict(zip(names, np.asarray(values).tolist(), strict=True))
-    return Before(found, twin.several, twin.error, twin.first)
+    frame = stored.take(dict(twin.first), CamerasFrame, f"{path}: first")
+    return Before(found, twin.several, twin.error, msgspec.structs.asdict(frame))
 
 
 def looking_for_changes(machine: Described) -> Described:

@@ -224,9 +224,7 @@ class Description(Form, frozen=True):
     all that have a place in it
     """
     changes: Annotated[tuple[Name, ...], many(0, 1000)] = ()
-    """Names, with wildcards, of the effects that are candidates where something was changed about the machine
-    since its twin was found; by default those of `candidates`
-    """
+    """Names of the effects that are candidates after a change of the machine; by default `candidates`"""
     known: tuple[KnownNumber, ...] = ()
     """Numbers of the model that differ from session to session"""
     every: Annotated[int, within(1, 100_000)] = 1
