@@ -7,6 +7,7 @@ are printed in a diagnosis. The effect's name is that of the class: nothing else
 the trace find an effect here.
 """
 
+import serpent_twin.mujoco_log  # noqa: F401 before anything warns
 from serpent_twin.effects.acting import act, begin, longest_step, stack, stacked
 from serpent_twin.effects.effect import (
     CABLE,

@@ -10,10 +10,6 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.arm import motions
-from serpent_twin.machines.arm.machine import ArmMachine
-from serpent_twin.machines.model import proposing
-from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.recording import motion, plan_criterion, plan_evidence, plan_page, traced
 from serpent_twin.recording.plan_criterion import Question
@@ -25,11 +21,6 @@ from serpent_twin.stored import within
 
 PIECE = 20.0
 """Seconds of a piece of motion, at most"""
-_PROPOSE: Mapping[type, Callable[..., Proposals[Any]]] = {
-    ArmMachine: motions.propose,
-    ModelMachine: proposing.propose,
-}
-"""What proposes motions of each kind of machine"""
 
 
 @dataclass(frozen=True)
@@ -127,12 +118,23 @@ def proposed(trace: Traced, count: int, rng: np.random.Generator) -> Proposals[A
     nothing commands it, or no motion keeps its limits.
     """
     machine = trace.case.machine
-    if type(machine) not in _PROPOSE:
+    propose = _proposers().get(type(machine))
+    if not propose:
         raise SerpentError(
             f"nothing here commands the machine {trace.rig!r}: its logs were measured elsewhere. A motion "
             "can be planned for the arm, and for a machine that a machine.toml describes."
         )
-    return _PROPOSE[type(machine)](machine, trace.fit.point, count, PIECE, trace.rate_hz, rng)
+    return propose(machine, trace.fit.point, count, PIECE, trace.rate_hz, rng)
+
+
+def _proposers() -> Mapping[type, Callable[..., Proposals[Any]]]:
+    """What proposes motions of each kind of machine."""
+    from serpent_twin.machines.arm import motions
+    from serpent_twin.machines.arm.machine import ArmMachine
+    from serpent_twin.machines.model import proposing
+    from serpent_twin.machines.model.machine import ModelMachine
+
+    return {ArmMachine: motions.propose, ModelMachine: proposing.propose}
 
 
 def questions(trace: Traced, rivals: Sequence[str] = ()) -> list[tuple[str, str]]:

@@ -87,7 +87,8 @@ IGNORED = {
     for name in (
         "AnyModel", "AnyModelSpeed",
         "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Demo", "EstimateSpeed", "Plan",
-        "FaultMatrix", "FollowStudy", "ForceStudy", "Fuzz", "HowOftenRight", "Measured", "NextMotion",
+        "FaultMatrix", "FollowStudy", "ForceStudy", "Fuzz", "HowOftenRight", "LinearResponses",
+        "Measured", "NextMotion",
         "ReadoutTable", "ReferencePages", "ResultPage", "RightNames", "ShipTrace", "SimToReal",
         "Frozen", "Structure", "SweepSpeed", "TraceSpeed",
     )
