@@ -44,7 +44,7 @@ class RowChanges:
     by_friction_of: Array
     """By dry friction as other twins have it, (Q, S, R, D)"""
     inertia: Array
-    """Of all degrees of freedom, in each part of a row, (P, S, R, nv, nv)"""
+    """Inertia of all degrees of freedom in each part of a row, (P, S, R, nv, nv)"""
 
     @classmethod
     def of(
@@ -172,8 +172,7 @@ class _ChangedRows:
         self._springs = StretchedSprings.of(models, steps, arms[..., free])
         self.tendons = len(self._springs.which)
         rate = steps.velocity[..., free].reshape(N, -1, self._n)
-        full = np.maximum(_SLOW * np.sqrt(np.nanmean(rate**2, axis=(0, 1))), 1e-9)
-        self._new = -np.tanh(np.nan_to_num(rate) / full)
+        self._new = against(rate)
 
     def carried(self) -> Array:
         """Changes of the next row's state by states, forces in parts, friction, slack, commands and friction
@@ -247,6 +246,12 @@ class _Answers:
             self._answer[changed], self._by_state[changed, :, n : 2 * n] = found
         self._rows.spring(self._by_state, p, k)
         return self._answer, self._by_state
+
+
+def against(rate: Array) -> Array:
+    """Sides of new friction of joints [1] at their rates, (…, n): opposite, and less where they are slow."""
+    rms = np.sqrt(np.nanmean(rate**2, axis=tuple(range(rate.ndim - 1))))
+    return -np.tanh(np.nan_to_num(rate) / np.maximum(_SLOW * rms, 1e-9))
 
 
 def _slices(sizes: Sequence[int]) -> list[slice]:

@@ -42,12 +42,12 @@ class SmoothDynamics:
 
     @classmethod
     def at(cls, instants: Sequence["LinearisedInstant"]) -> "SmoothDynamics":
-        """Those of instants, each of a model of the same structure."""
+        """Derivatives at instants, each of a model of the same structure."""
         bare: dict[int, tuple[mujoco.MjModel, mujoco.MjData]] = {}
         found = []
         for each in instants:
             if id(each.model) not in bare:
-                model = without_friction(each.model)
+                model = _without_friction(each.model)
                 bare[id(each.model)] = model, mujoco.MjData(model)
             found.append(_differentiate(*bare[id(each.model)], each))
         return cls(*(np.array(of) for of in zip(*found, strict=True)))
@@ -72,11 +72,20 @@ class LinearisedInstant:
     """Groups of actuators that are off, one bit each"""
 
 
-def without_friction(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model without dry friction of joints and tendons."""
+def _without_friction(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy of a model without dry friction of joints and tendons."""
     bare = copy(model)
     bare.dof_frictionloss[:], bare.tendon_frictionloss[:] = 0.0, 0.0
     return bare
+
+
+def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Derivatives of all tendons' lengths by the degrees of freedom, (ntendon, nv)."""
+    out = np.zeros((model.ntendon, model.nv))
+    if model.ntendon:
+        places = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+        mujoco.mju_sparse2dense(out, data.ten_J, *places)
+    return out
 
 
 def _differentiate(
@@ -98,10 +107,7 @@ def _differentiate(
     mujoco.mj_fwdActuation(model, data)
     held, damped, sprung = _of_constraints(model, data, at.qacc)
     driven, rates = _of_actuators(model, data)
-    arms = np.zeros((model.ntendon, model.nv))
-    if model.ntendon:
-        places = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-        mujoco.mju_sparse2dense(arms, data.ten_J, *places)
+    arms = tendon_jacobian(model, data)
     implicit = _implicit(model, data, arms)
     model.opt.disableactuator = off
     act, control = np.split(driven, [model.na], axis=1)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.friction_softness import friction_inertia
 from serpent_twin.engine.recorded_steps import RecordedSteps
 
 _SLIDES = 1 - 1e-6
@@ -36,7 +37,7 @@ class Constants:
         tendons: Sequence[int],
         dt: Array,
     ) -> "Constants":
-        """Those of degrees of freedom, and of tendons after them, in time steps [s], (S,)."""
+        """Constants of degrees of freedom, and of tendons after them, in time steps [s], (S,)."""
         each = [
             np.concatenate([_fields(m, "dof", dofs), _fields(m, "tendon", tendons)], axis=1)
             for m in models
@@ -44,10 +45,10 @@ class Constants:
         limit, weight, time, damping, rest, most = np.moveaxis(np.array(each), 1, 0)
         brisk = np.maximum(time, _SHORTEST * dt[:, None])
         rate = np.where(time > 0, 2 / (most * brisk), -damping / most)
-        return cls(limit, rest / ((1 - rest) * weight), rate)
+        return cls(limit, friction_inertia(rest, weight), rate)
 
     def repeated(self, rows: int) -> "Constants":
-        """The same for each of so many rows of each run, (S R, F)."""
+        """Constants of each of so many rows of each run, (S R, F)."""
         return Constants(*(of.repeat(rows, axis=0) for of in (self.limit, self.inertia, self.rate)))
 
     @staticmethod

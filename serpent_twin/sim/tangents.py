@@ -22,6 +22,7 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.engine.friction_softness import friction_inertia, softness
+from serpent_twin.engine.smooth_dynamics import tendon_jacobian
 from serpent_twin.engine.stepper import addresses
 from serpent_twin.sim.differences import Differences
 
@@ -71,7 +72,7 @@ class Tangents:
     def __init__(self, batch: Batch, model: mujoco.MjModel, by: Differences) -> None:
         self._model, self._by, self._data = model, by, mujoco.MjData(model)
         mujoco.mj_forward(model, self._data)
-        self._along = _tendon_jacobian(model, self._data)
+        self._along = tendon_jacobian(model, self._data)
         self._bare, self._data_of_bare = _without_cables(model), mujoco.MjData(model)
         self._others = {n: _without_cables(each) for n, each in by.links.items()}
         self._state = [batch.bind(name) for name in ("qpos", "qvel")]
@@ -250,14 +251,6 @@ class Tangents:
             for by in (1.0, 1.0 + _NEAR)
         ]
         return viscous - np.log(masses[1] / masses[0]) / _NEAR * (s.force + viscous)
-
-
-def _tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Of the strands' lengths by the joints' angles, which is constant, (20, nv)."""
-    out = np.empty((model.ntendon, model.nv))
-    places = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-    mujoco.mju_sparse2dense(out, data.ten_J, *places)
-    return out
 
 
 def _links_torque(model: mujoco.MjModel, data: mujoco.MjData) -> Array:

@@ -14,6 +14,8 @@ from serpent_twin.engine.recorded_steps import RecordedSteps
 from serpent_twin.engine.row_changes import RowChanges
 from serpent_twin.engine.stepper import set_timestep, side_by_side
 from serpent_twin.machines.model.derivatives import derivatives
+from serpent_twin.machines.model.stepped_runs import DrivenRuns
+from serpent_twin.machines.model.variants import Variants
 
 DT, K, ROWS = 0.001, 20, 15
 SLIDE = """<mujoco><option gravity="0 0 0" timestep="0.001"/>
@@ -116,3 +118,17 @@ def test_a_trace_takes_derivatives_along_one_motion(tmp_path):
     case, pieces, point = logged(moving_models, tmp_path)
     found = replace(case.machine, steps=32).derivatives(point, pieces, case.noise)
     assert set(found) == {each.name for each in case.declared}
+
+
+def test_variants_of_runs_are_put_where_each_run_is():
+    """Where a tendon is prescribed, each run's constraint holds another length."""
+    held = CABLE + '<equality><tendon tendon1="cable"/></equality>'
+    model = mujoco.MjModel.from_xml_string(SLIDE.format(joint="", more=held))
+    driven = DrivenRuns([model] * 2, np.zeros((2, 3, 0)), np.zeros((2, 3), np.int32), np.ones(2))
+    runs = Variants(driven, [model] * 6, np.array([DT, DT]))
+    length = np.zeros((2, 1, 11))
+    length[:, 0, 0] = 0.1, 0.2
+    pose = np.array([[1.0], [2.0]]) + np.array([0.0, 0.1, 0.2])[:, None, None]
+    runs.put(1, eq_data=length, qpos=pose)
+    assert runs.batch.expand("eq_data")[:, 0, 0].tolist() == [0.1, 0.2] * 3
+    assert runs.apart(runs.batch.bind("qpos")) == pytest.approx(pose)

@@ -21,10 +21,6 @@ class Along:
     """Of the bodies, (B, S, T, 3, 3)"""
     tension: Array
     """What the tendons' springs pull [N], (L, S, T)"""
-    stiffness: Array
-    """Of these [N/m]; 0 where they are slack; (L, S, T)"""
-    arms: Array
-    """Change of the tendons' lengths by each degree of freedom, (L, S, T, nv)"""
 
     @classmethod
     def of(
@@ -33,13 +29,10 @@ class Along:
         """Those of poses (S, T, ≥ nq), of which only a model's own coordinates count."""
         pose, data = np.nan_to_num(pose), mujoco.MjData(model)
         rows, B, L = pose.shape[:2], len(bodies), len(tendons)
-        arms, length = np.zeros((L, *rows, model.nv)), np.empty((L, *rows))
+        which, length = [*tendons], np.empty((L, *rows))
         by_joints, middle, rotation = (
             np.empty((B, *rows, *of)) for of in ((3, model.nv), (3,), (3, 3))
         )
-        which = [*tendons]
-        first, several = model.ten_J_rowadr[which], model.ten_J_rownnz[which]
-        entries = [slice(at, at + n) for at, n in zip(first, several, strict=True)]
         for s, t in np.ndindex(rows):
             data.qpos[:] = pose[s, t, : model.nq]
             mujoco.mj_kinematics(model, data)
@@ -50,10 +43,9 @@ class Along:
                 middle[k, s, t] = data.xipos[n]
                 rotation[k, s, t] = data.xmat[n].reshape(3, 3)
             for k, n in enumerate(tendons):
-                arms[k, s, t, model.ten_J_colind[entries[k]]] = data.ten_J[entries[k]]
                 length[k, s, t] = data.ten_length[n]
         least, most = model.tendon_lengthspring[which].T[..., None, None]
         stretch = length - most
         pulls = (least == most) | (stretch > 0.0)
         stiffness = np.where(pulls, model.tendon_stiffness[which][:, None, None], 0.0)
-        return cls(by_joints, middle, rotation, stiffness * stretch, stiffness, arms)
+        return cls(by_joints, middle, rotation, stiffness * stretch)

@@ -1,4 +1,4 @@
-"""Say what logs tell of joints and tendons whose motion is prescribed, between their rows too."""
+"""Interpolate the logged motion of prescribed joints and tendons."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -122,7 +122,7 @@ def rate_column(column: str) -> str:
 def known_motion(
     machine: Described, x: Mapping[str, float], pieces: Segments
 ) -> KnownMotion | None:
-    """What logs tell of prescribed joints and tendons, at coordinates `x` of the fit; nothing without any."""
+    """The prescribed motion in segments, at coordinates `x` of the fit; None if nothing is prescribed."""
     if not machine.prescribed:
         return None
     at, rate = [], []

@@ -38,10 +38,8 @@ class Views:
         self._columns = {name: n for n, (_, name) in enumerate(columns)}
         self._units = [each.scale * TO_SI[each.unit][0] for each, _ in columns]
         self._sites = {each.site: each for each in measured if each.site}
-        self._model, fields = (
-            model,
-            ("xpos", "xmat", "site_xmat", "cvel", "subtree_com"),
-        )
+        self._model = model
+        fields = "xpos", "xmat", "site_xmat", "cvel", "subtree_com"
         self._of = {name: batch.bind(name) for name in fields}
         frames = [each.frame for each in measured]
         self.names: Mapping[str, Sequence[str]] = {
@@ -62,10 +60,10 @@ class Views:
             return out
         for name, each in self._sites.items():
             first = self._columns[each.columns[0]]
-            if (
-                moved := self._moved(handle, place, size, name, shown[:, first : first + 3])
-            ) is not None:
-                out[:, first : first + 3] = moved
+            at = slice(first, first + 3)
+            moved = self._moved(handle, place, size, name, shown[:, at])
+            if moved is not None:
+                out[:, at] = moved
         return out
 
     def _moved(self, handle: str, place: str, size: Array, site: str, shown: Array) -> Array | None:
@@ -78,10 +76,8 @@ class Views:
             return cross(size, shown)
         at = self._site_at(site)
         if handle == "camera_delay":
-            motion, about = (
-                self._of["cvel"][:, body],
-                self._of["subtree_com"][:, model.body_rootid[body]],
-            )
+            motion = self._of["cvel"][:, body]
+            about = self._of["subtree_com"][:, model.body_rootid[body]]
             return -size * self._in_frame(site, motion[:, 3:] + cross(motion[:, :3], at - about))
         if handle == "marker_shift":
             return self._in_frame(site, self._turned(body, size)) if place == site else None

@@ -14,14 +14,13 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.row_changes import RowChanges
-from serpent_twin.engine.stepper import field, set_timestep, side_by_side
+from serpent_twin.engine.stepper import field
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import free_of, linear_motion
 from serpent_twin.machines.model.seen import Seen
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
-from serpent_twin.machines.model.switches import Switches
+from serpent_twin.machines.model.variants import Variants
 from serpent_twin.machines.places import RowMotion
-from serpent_twin.runs.processes import threads
 
 _UNFELT = (
     *("site_pos", "site_quat", "dof_frictionloss", "dof_solref", "dof_solimp"),
@@ -54,25 +53,6 @@ def by_numbers(
     return rows, pushes, own
 
 
-class _SideBySide:
-    """S runs of a twin, and of P others after them."""
-
-    def __init__(self, driven: DrivenRuns, models: Sequence[mujoco.MjModel], step: Array) -> None:
-        self._times = len(models) // len(driven.models)
-        self.batch = side_by_side(models, threads())
-        set_timestep(self.batch, np.tile(step, self._times))
-        off = np.tile(driven.off, (self._times, 1))
-        self._switches = Switches(self.batch, off) if off.any() else None
-
-    def at(self, row: int, **state: Array) -> None:
-        """Put all runs into states of the S runs in a row."""
-        for name, value in state.items():
-            of = self.batch.expand(name) if name == "eq_data" else self.batch.bind(name)
-            of[...] = np.tile(value, (self._times, 1)).reshape(of.shape)
-        if self._switches:
-            self._switches.turn(row)
-
-
 def _torques(
     driven: DrivenRuns,
     others: Sequence[Sequence[mujoco.MjModel]],
@@ -89,11 +69,11 @@ def _torques(
     free, all_of = free_of(driven), [m for of in (driven.models, *others) for m in of]
     bare = {n: _free_model(m) for n, m in {id(m): m for m in all_of}.items()}
     each = [bare[id(m)] for m in all_of]
-    runs = _SideBySide(driven, each, states.step)
-    applied, found = runs.batch.bind("qfrc_applied"), runs.batch.bind("qacc")
+    runs = Variants(driven, each, states.step)
+    found = runs.batch.bind("qacc")
     for t, p in np.ndindex(R, len(steps.middle)):
         k, inertia = steps.middle[p], changes.inertia[p, :, t]
-        runs.at(
+        runs.put(
             t,
             qpos=steps.position[:, t, k],
             qvel=steps.velocity[:, t, k],
@@ -104,9 +84,9 @@ def _torques(
         )
         runs.batch.forward(ids=np.arange(S))
         lacks = steps.acceleration[:, t, k] - found[:S]
-        applied[...] = np.tile((inertia @ lacks[..., None])[..., 0], (len(others) + 1, 1))
+        runs.put(t, qfrc_applied=(inertia @ lacks[..., None])[..., 0])
         runs.batch.forward()
-        more = (found.reshape(-1, S, nv) - found[:S])[1:]
+        more = (runs.apart(found) - found[:S])[1:]
         out[felt, :, t, p] = np.einsum("sij,psj->psi", inertia, more)[..., free]
     return out
 
@@ -131,24 +111,21 @@ def _shown(
     driven: DrivenRuns, others: Sequence[DrivenRuns], states: RowStates, seen: Seen
 ) -> Array:
     """What is measured of other twins beyond that of a twin in the same states, (P, S, T, C)."""
-    S, T = states.pose.shape[:2]
     models = [model for of in (driven, *others) for model in of.models]
-    runs, parts = _SideBySide(driven, models, states.step), driven.told.shape[1] // driven.rows
+    runs, parts = Variants(driven, models, states.step), driven.told.shape[1] // driven.rows
     seen.bind(runs.batch, models)
-    told = np.concatenate([of.told for of in (driven, *others)])
-    found = []
-    for t in range(T):
-        runs.at(
+    told, found = np.stack([of.told for of in (driven, *others)]), []
+    for t in range(states.pose.shape[1]):
+        runs.put(
             t,
             qpos=states.pose[:, t],
             qvel=states.rate[:, t],
             act=states.activation[:, t],
+            ctrl=told[:, :, t * parts],
             qfrc_applied=states.applied[:, t],
             eq_data=states.equality[:, t],
         )
-        runs.batch.bind("ctrl")[:, : told.shape[-1]] = told[:, t * parts]
         runs.batch.forward(stage=seen.stage)
-        rows = seen.read(runs.batch)
-        rows = rows.reshape(-1, S, rows.shape[-1])
-        found.append((rows - rows[0])[1:])
+        rows = runs.apart(seen.read(runs.batch))
+        found.append(rows[1:] - rows[0])
     return np.stack(found, axis=2)

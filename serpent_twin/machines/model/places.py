@@ -16,6 +16,7 @@ from serpent_twin.effects.law import (
     READINGS,
     Law,
 )
+from serpent_twin.engine.row_changes import against
 from serpent_twin.machines.model.along import Along
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.description import Described
@@ -30,8 +31,6 @@ from serpent_twin.tables.segments import Segments
 
 MOST = 40
 """Joints or bodies of a model at which laws are sought"""
-_SLOW = 0.05
-"""Speed at which dry friction has its full size, of the joint's own rms: it changes its sign softly"""
 _SLIDES = {"N m": "N", "rad": "m", "rad/s": "m/s"}
 """Units of a slide, in place of a hinge's"""
 SI = {"mm": "m", "°": "rad", "1": "1"}
@@ -162,10 +161,7 @@ class ModelPlaces(Places):
         for name, dof in self._joints:
             if name in prescribed:
                 continue
-            rate = self.states.rate[..., dof]
-            own = self.forced.force_shows[dof]
-            full = max(_SLOW * float(np.sqrt(np.nanmean(rate**2))), 1e-9)
-            rubs = -np.tanh(np.nan_to_num(rate) / full)[..., None]
+            own, rubs = self.forced.force_shows[dof], against(self.states.rate[..., [dof]])
             yield self._lagged("joint_torque", name, self.forced.by_force[dof][None], own[None])
             push = self.forced.by_friction[dof]
             yield self._lagged("joint_friction", name, push[None], (rubs * own)[None])

@@ -5,19 +5,16 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.row_changes import RowChanges
-from serpent_twin.engine.stepper import set_timestep, side_by_side
 from serpent_twin.engine.steps_of_springs import sprung
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.seen import Seen, address
 from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
-from serpent_twin.machines.model.switches import Switches
+from serpent_twin.machines.model.variants import Variants
 from serpent_twin.machines.places import RowMotion
-from serpent_twin.runs.processes import threads
 
 _SMALL = 0.01
 """Differences of states, of how much each varies"""
@@ -25,7 +22,6 @@ _LEAST = 1e-5
 """Least of them [rad, m, rad/s, m/s]"""
 _GENTLE = 0.1
 """Differences of forces on bodies, of all that these carry [m/s²]"""
-_STATE = ("qpos", "qvel", "act")
 _SPRINGS_SHOW = 0, 3
 """What shows, of states, forces, commands, slack and pushes, where nothing measured depends on forces: a
 tendon's pull follows from its length
@@ -137,14 +133,15 @@ def _shown(driven: DrivenRuns, states: RowStates, seen: Seen, inputs: _Inputs) -
     """Changes of the prediction in a row by its states, by forces on free degrees of freedom, by commands,
     by slack of tendons and by forces on bodies, (…, S, T, C) each, by finite differences.
     """
-    model, T, free = driven.models[0], states.pose.shape[1], list(inputs.free)
-    base = np.concatenate([getattr(states, name) for name in ("pose", "rate", "activation")], -1)
-    varies = np.maximum(_SMALL * base.reshape(-1, base.shape[-1]).std(axis=0), _LEAST)
+    model, free = driven.models[0], list(inputs.free)
+    base = states.pose, states.rate, states.activation
+    varies = np.concatenate([of.std(axis=(0, 1)) for of in base])
+    varies = np.maximum(_SMALL * varies, _LEAST)
     rate = varies[model.nq : model.nq + model.nv]
     force = np.maximum(model.dof_M0, 1e-12) * rate / float(np.median(driven.period))
     commands = np.empty(0) if inputs.commands is None else inputs.commands
     which = [
-        [*free, *(model.nq + n for n in free), *range(model.nq + model.nv, base.shape[-1])],
+        [*free, *(model.nq + n for n in free), *range(model.nq + model.nv, len(varies))],
         [] if inputs.commands is None else free,
         [*range(len(commands))],
         inputs.tendons,
@@ -162,18 +159,18 @@ def _shown(driven: DrivenRuns, states: RowStates, seen: Seen, inputs: _Inputs) -
     which = [of if n in tried else [] for n, of in enumerate(which)]
     sizes = [of if n in tried else np.empty(0) for n, of in enumerate(sizes)]
     runs, each = _Changed(driven, states, seen, sizes, which), np.concatenate(sizes)
-    rows = np.stack([runs.row(t, base[:, t]) for t in range(T)], axis=1)
-    shows = np.nan_to_num((rows[:, :, 1:] - rows[:, :, :1]) / each[:, None], posinf=0.0, neginf=0.0)
-    found = np.zeros((counts[-1], *shows.shape[:2], shows.shape[-1]))
+    rows = np.stack([runs.row(t) for t in range(states.pose.shape[1])], axis=2)
+    shows = (rows[1:] - rows[0]) / each[:, None, None, None]
+    shows = np.nan_to_num(shows, posinf=0.0, neginf=0.0)
+    found = np.zeros((counts[-1], *shows.shape[1:]))
     parts = np.split(np.arange(counts[-1]), counts[:-1])
-    found[np.concatenate([parts[n] for n in tried])] = np.moveaxis(shows, 2, 0)
+    found[np.concatenate([parts[n] for n in tried])] = shows
     return np.split(found, counts[:-1])
 
 
 class _Changed:
-    """S runs as they are, and each with a state, a force or a command changed, side by side; sizes of the
-    changes are of states, forces on degrees of freedom, commands, tendons' slack and forces on bodies, and so
-    is which.
+    """S runs as they are, and with one change each; sizes of the changes are of states, forces on degrees of
+    freedom, commands, tendons' slack and forces on bodies, and so is which.
     """
 
     def __init__(
@@ -184,58 +181,41 @@ class _Changed:
         sizes: Sequence[Array],
         which: Sequence[Sequence[int]],
     ) -> None:
-        self._driven, self._seen, model = driven, seen, driven.models[0]
+        self._driven, self._states, self._seen, model = driven, states, seen, driven.models[0]
         each = np.concatenate(sizes)
         changes = np.concatenate([np.zeros((1, len(each))), np.diag(each)])
         parts = np.split(changes, np.cumsum([len(of) for of in sizes[:-1]]), axis=1)
-        state, told, force = (
-            np.zeros((len(changes), n))
-            for n in (
-                states.pose.shape[-1] + states.rate.shape[-1] + model.na,
-                driven.told.shape[-1],
-                model.nv,
-            )
-        )
-        state[:, list(which[0])] = parts[0]
-        force[:, list(which[1])[: len(sizes[1])]] = parts[1]
-        told[:, list(which[2])] = parts[2]
-        slack = np.zeros((len(changes), model.ntendon))
-        slack[:, list(which[3])[: len(sizes[3])]] = parts[3]
-        self._by, self._told, self._k = state, told, len(changes)
-        models = [model for model in driven.models for _ in range(self._k)]
-        self._batch: Batch = side_by_side(models, threads())
-        set_timestep(self._batch, np.repeat(states.step, self._k, axis=0))
-        seen.bind(self._batch, models)
-        self._fields = [self._batch.bind(name) for name in _STATE]
-        self._control = self._batch.bind("ctrl")
-        runs = len(driven.models)
-        self._force, self._applied = force, self._batch.bind("qfrc_applied")
-        self._equality = self._batch.expand("eq_data")
+        whole = model.nq + model.nv + model.na, model.nv, driven.told.shape[-1], model.ntendon
+        by = [np.zeros((len(changes), 1, size)) for size in whole]
+        for of, at, part in zip(by, which, parts, strict=False):
+            of[:, 0, [*at]] = part
+        state, self._force, self._told, slack = by
+        self._state = np.split(state, [model.nq, model.nq + model.nv], axis=-1)
+        models, runs = [*driven.models] * len(changes), len(driven.models)
+        self._runs = Variants(driven, models, states.step)
+        batch = self._runs.batch
+        seen.bind(batch, models)
         if slack.any():
-            self._batch.expand("tendon_lengthspring")[...] += np.tile(slack, (runs, 1))[..., None]
-        if len(which[4]):
-            pushed = np.tile(parts[4], (runs, 1)).reshape(-1, len(which[4]), 3)
-            self._batch.bind("xfrc_applied")[:, list(which[4]), :3] = pushed
-        off = np.repeat(driven.off, self._k, axis=0)
-        self._switches = Switches(self._batch, off) if off.any() else None
-        self._parts, self._states = driven.told.shape[1] // driven.rows, states
+            batch.expand("tendon_lengthspring")[...] += slack[:, 0].repeat(runs, 0)[..., None]
+        if len(bodies := [*which[4]]):
+            pushed = parts[4].reshape(-1, len(bodies), 3).repeat(runs, axis=0)
+            batch.bind("xfrc_applied")[:, bodies, :3] = pushed
 
-    def row(self, t: int, base: Array) -> Array:
-        """What is seen in a row, (S, k, C)."""
-        S = len(base)
-        state = (base[:, None] + self._by).reshape(S * self._k, -1)
-        sizes = np.cumsum([field.shape[-1] for field in self._fields])[:-1]
-        for field, values in zip(self._fields, np.split(state, sizes, axis=1), strict=True):
-            field[...] = values
-        if self._switches:
-            self._switches.turn(t)
-        told = self._driven.told[:, t * self._parts, None] + self._told
-        self._control[:, : told.shape[-1]] = told.reshape(len(self._control), -1)
-        applied, equality = self._states.applied[:, t], self._states.equality[:, t]
-        self._applied[...] = (applied[:, None] + self._force).reshape(self._applied.shape)
-        self._equality[...] = np.repeat(equality, self._k, axis=0)
-        self._batch.forward(stage=self._seen.stage)
-        return self._seen.read(self._batch).reshape(S, self._k, -1)
+    def row(self, t: int) -> Array:
+        """What is seen in a row, (k, S, C)."""
+        states, told = self._states, self._driven.told
+        pose, rate, activation = self._state
+        self._runs.put(
+            t,
+            qpos=states.pose[:, t] + pose,
+            qvel=states.rate[:, t] + rate,
+            act=states.activation[:, t] + activation,
+            ctrl=told[:, t * (told.shape[1] // self._driven.rows)] + self._told,
+            qfrc_applied=states.applied[:, t] + self._force,
+            eq_data=states.equality[:, t],
+        )
+        self._runs.batch.forward(stage=self._seen.stage)
+        return self._runs.apart(self._seen.read(self._runs.batch))
 
 
 def free_of(driven: DrivenRuns) -> list[int]:
@@ -249,7 +229,7 @@ def free_of(driven: DrivenRuns) -> list[int]:
 def adapted(
     rows: RowMotion, measured: Sequence[str], motion: DrivenMotion, free: Sequence[int]
 ) -> RowMotion:
-    """The same, where runs begin as readings say, in states that follow what is read in the lead."""
+    """Motion from row to row whose first states follow what is read in the lead, where readings say them."""
     if motion.gain is None:
         return rows
     (S, _, C, D), joints = rows.shows.shape, motion.start.joints

@@ -90,8 +90,8 @@ class Springs:
         return out
 
     def state(self, rates: Array) -> tuple[Array, Array]:
-        """The stretch of each beyond its rest [m or rad], and what it is told to pull besides [N or N m],
-        (n, K) each, at rates of all joints, (n, nv).
+        """Stretch of each spring beyond its rest [m or rad], and the pull of drives that no length changes
+        [N or N m], (n, K) each, at rates of all joints, (n, nv).
         """
         tendons = self._lengths[:, self._tendons]
         length = np.concatenate([tendons, self._qpos[:, self._at]], axis=1)
