@@ -45,6 +45,8 @@ class RowChanges:
     """By dry friction as other twins have it, (Q, S, R, D)"""
     inertia: Array
     """Inertia of all degrees of freedom in each part of a row, (P, S, R, nv, nv)"""
+    passive: Array
+    """Forces of springs and dampers of other twins beyond its own, (L, S, R, P, n)"""
 
     @classmethod
     def of(
@@ -55,12 +57,14 @@ class RowChanges:
         off: NDArray[np.int32],
         free: Sequence[int],
         others: Sequence[Sequence[mujoco.MjModel]] = (),
+        sprung: Sequence[Sequence[mujoco.MjModel]] = (),
     ) -> "RowChanges":
         """Changes in S runs of some models in time steps of a length [s], (S,), with actuators off in rows,
-        (S, R), where only some degrees of freedom are free, and of the runs of Q other twins.
+        (S, R), where only some degrees of freedom are free; by friction of the runs of Q other twins, and by
+        springs and dampers of those of L, which differ in nothing else.
         """
         (S, R, _, nv), P, n = steps.position.shape, len(steps.middle), len(free)
-        smooth = SmoothDynamics.at(list(_instants(models, steps, dt, off)))
+        smooth = SmoothDynamics.at(list(_instants(models, steps, dt, off, free, sprung)))
         at = np.array(free, int)
         elsewhere = _ElsewhereConstants.of(models, others, dt, at, R)
         rows = _ChangedRows(models, steps, smooth, dt, at, elsewhere.constants)
@@ -76,11 +80,17 @@ class RowChanges:
             by_command=command,
             by_friction_of=elsewhere.among_all(others_have),
             inertia=np.moveaxis(smooth.mass.reshape(S, R, P, nv, nv), 2, 0),
+            passive=np.moveaxis(smooth.passive[..., at].reshape(S, R, P, len(sprung), n), 3, 0),
         )
 
 
 def _instants(
-    models: Sequence[mujoco.MjModel], steps: RecordedSteps, dt: Array, off: NDArray[np.int32]
+    models: Sequence[mujoco.MjModel],
+    steps: RecordedSteps,
+    dt: Array,
+    off: NDArray[np.int32],
+    free: Sequence[int],
+    sprung: Sequence[Sequence[mujoco.MjModel]],
 ) -> Iterator[LinearisedInstant]:
     (S, R, _, _), P = steps.position.shape, len(steps.middle)
     for s, t, p in np.ndindex(S, R, P):
@@ -96,7 +106,9 @@ def _instants(
             history=steps.history[s, t, p],
             time=steps.time[s, t, p, 0],
             equality=steps.equality[s, t, p],
+            free=free,
             off=int(off[s, t]),
+            sprung=[of[s] for of in sprung],
         )
 
 

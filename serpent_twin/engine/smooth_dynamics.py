@@ -39,6 +39,8 @@ class SmoothDynamics:
     """Derivatives of activations' rates by q, v, act and u, (N, na, 2 n + na + nu)"""
     arms: Array
     """Derivatives of all tendons' lengths by q, (N, ntendon, n)"""
+    passive: Array
+    """Forces of springs and dampers of other twins beyond its own, (N, L, n)"""
 
     @classmethod
     def at(cls, instants: Sequence["LinearisedInstant"]) -> "SmoothDynamics":
@@ -68,8 +70,12 @@ class LinearisedInstant:
     time: float
     equality: Array
     """Data of equality constraints, which a prescribed motion changes"""
+    free: Sequence[int]
+    """Degrees of freedom by which dynamics are differentiated"""
     off: int = 0
     """Groups of actuators that are off, one bit each"""
+    sprung: Sequence[mujoco.MjModel] = ()
+    """Models of L other twins, which differ from this one in springs and dampers alone"""
 
 
 def _without_friction(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -97,21 +103,60 @@ def _differentiate(
     model.eq_data[:] = at.equality.reshape(model.eq_data.shape)
     off, flags = model.opt.disableactuator, model.opt.disableflags
     model.opt.disableactuator = off | at.off
-    by = np.empty((3, model.nv, model.nv))
     model.opt.disableflags = flags | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    mujoco.mjd_inverseFD(model, data, _NUDGE, True, by[0], by[1], by[2], *[None] * 4)
+    by_q, by_v = _of_inverse(model, data, at.free)
     model.opt.disableflags = flags
-    by_q, by_v, mass = np.swapaxes(by, -1, -2)
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)
     mujoco.mj_fwdActuation(model, data)
+    mass = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
     held, damped, sprung = _of_constraints(model, data, at.qacc)
     driven, rates = _of_actuators(model, data)
     arms = tendon_jacobian(model, data)
     implicit = _implicit(model, data, arms)
     model.opt.disableactuator = off
     act, control = np.split(driven, [model.na], axis=1)
-    return [mass, held, by_q + sprung, by_v + damped, implicit, act, control, rates, arms]
+    passive = _passive(model, data, at.sprung)
+    return [mass, held, by_q + sprung, by_v + damped, implicit, act, control, rates, arms, passive]
+
+
+def _of_inverse(
+    model: mujoco.MjModel, data: mujoco.MjData, free: Sequence[int]
+) -> tuple[Array, Array]:
+    """Derivatives of what must be applied for the same accelerations, by angles and rates of free degrees of
+    freedom, (n, n) each, zero by others; `mjd_inverseFD` takes all, and accelerations.
+    """
+    out, stages = np.zeros((2, model.nv, model.nv)), mujoco.mjtStage
+
+    def applied(known: mujoco.mjtStage) -> Array:
+        mujoco.mj_inverseSkip(model, data, known, 1)
+        if not model.nu:
+            return data.qfrc_inverse.copy()
+        mujoco.mj_fwdActuation(model, data)
+        return data.qfrc_inverse - data.qfrc_actuator
+
+    here = applied(stages.mjSTAGE_NONE)
+    for by, of, known in (
+        (out[1], data.qvel, stages.mjSTAGE_POS),
+        (out[0], data.qpos, stages.mjSTAGE_NONE),
+    ):
+        for n in free:
+            before = of[n]
+            of[n] = before + _NUDGE
+            by[:, n] = (applied(known) - here) / _NUDGE
+            of[n] = before
+    return out[0], out[1]
+
+
+def _passive(model: mujoco.MjModel, data: mujoco.MjData, others: Sequence[mujoco.MjModel]) -> Array:
+    """Passive forces of other models in the same state beyond those of a model, (L, n)."""
+    out = np.empty((len(others), model.nv))
+    own, force = data.qfrc_passive.copy(), data.qfrc_passive
+    for q, other in enumerate(others):
+        mujoco.mj_passive(other, data)
+        out[q] = force - own
+    return out
 
 
 def _of_constraints(

@@ -1,6 +1,7 @@
 """Linear dynamics from row to row, beside closed forms and beside simulations."""
 
 from dataclasses import replace
+from functools import partial
 
 import moving_models
 import mujoco
@@ -14,6 +15,7 @@ from serpent_twin.engine.recorded_steps import RecordedSteps
 from serpent_twin.engine.row_changes import RowChanges
 from serpent_twin.engine.stepper import set_timestep, side_by_side
 from serpent_twin.machines.model.derivatives import derivatives
+from serpent_twin.machines.model.number_changes import differing
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.variants import Variants
 
@@ -24,6 +26,13 @@ SLIDE = """<mujoco><option gravity="0 0 0" timestep="0.001"/>
 </body></worldbody>{more}</mujoco>"""
 CABLE = """<tendon><fixed name="cable" stiffness="300" springlength="-1 0.01">
 <joint joint="slide" coef="1"/></fixed></tendon>"""
+
+HELD = """<mujoco><worldbody><site name="wall"/><body name="cart">
+  <joint type="slide" axis="1 0 0"/><geom size="0.1" mass="2"/>
+  <site name="hook" pos="0.5 0 0"/><site name="marker" pos="0.6 0 0"/>
+</body></worldbody><tendon><spatial stiffness="10">
+  <site site="wall"/><site site="hook"/>
+</spatial></tendon></mujoco>"""
 
 
 def changes(mjcf, velocity, force=0.0, others=()):
@@ -100,8 +109,8 @@ def test_derivatives_along_a_motion_are_those_of_simulations(module, tmp_path):
     case, pieces, point = logged(module, tmp_path)
     machine, declared = case.machine, case.declared
     steps = np.diag([each.step for each in declared])
-    twins = machine._in_motion([point, *(point.after(step) for step in steps)])
-    found = derivatives(twins, declared, pieces)
+    stepped = partial(machine._stepped, point)
+    found = derivatives(machine._in_motion([point]), stepped, declared, pieces)
     here, *there = machine.respond([point, *(point.after(step) for step in steps)], pieces)
     known = np.isfinite(pieces.measured)
     assert len(found) >= len(declared) - 1
@@ -118,6 +127,14 @@ def test_a_trace_takes_derivatives_along_one_motion(tmp_path):
     case, pieces, point = logged(moving_models, tmp_path)
     found = replace(case.machine, steps=32).derivatives(point, pieces, case.noise)
     assert set(found) == {each.name for each in case.declared}
+
+
+def test_a_site_that_a_cable_passes_matters_to_forces_and_a_marker_does_not():
+    plain = mujoco.MjModel.from_xml_string(HELD)
+    for name in ("wall", "hook", "marker"):
+        moved = mujoco.MjModel.from_xml_string(HELD)
+        moved.site(name).pos[0] += 0.001
+        assert ("held sites" in differing(plain, moved)) == (name != "marker")
 
 
 def test_variants_of_runs_are_put_where_each_run_is():

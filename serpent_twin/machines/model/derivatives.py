@@ -6,11 +6,12 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Declared, ParameterVector
-from serpent_twin.machines.model.in_motion import TwinsInMotion
+from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
 from serpent_twin.machines.model.known_motion import KnownMotion
 from serpent_twin.machines.model.number_changes import by_numbers
 from serpent_twin.machines.model.row_motion import adapted, free_of
 from serpent_twin.machines.model.seen import Seen
+from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.tables.segments import Segments
 
 _SEED = 0
@@ -28,28 +29,39 @@ _MAX_ERROR = 0.3
 
 
 def derivatives(
-    twins: TwinsInMotion, declared: Sequence[Declared], pieces: Segments
+    twin: TwinsInMotion,
+    stepped: Callable[[Sequence[Declared]], MovingTwin],
+    declared: Sequence[Declared],
+    pieces: Segments,
 ) -> dict[str, Array]:
-    """Derivatives of what is measured by the numbers that are fitted, (S, T, C) each, where they follow from
-    one simulated motion: `twins` are a twin and, for each number, one that is a step of that further. Lacking
-    are those of prescribed motion, and all where a state holds more than what is measured.
+    """Derivatives of what is measured of a twin by the numbers that are fitted, (S, T, C) each, where they
+    follow from one simulated motion; `stepped` is a twin that is a step of some numbers further. Lacking are
+    those of prescribed motion, and all where a state holds more than what is measured.
     """
-    model = twins.twins[0].driven(pieces).models[0]
-    if twins.replays(model, pieces) or not model.njnt == model.nq == model.nv:
+    model = twin.twins[0].driven(pieces).models[0]
+    if twin.replays(model, pieces) or not model.njnt == model.nq == model.nv:
         return {}
-    motion = twins.first.motion(pieces)
-    others = {
-        each.name: (other, driven)
-        for each, other in zip(declared, twins.twins[1:], strict=True)
-        if _follows_alike(motion.driven.known, (driven := other.driven(pieces)).known)
-    }
-    xs = [twins.twins[0].x, *(other.x for other, _ in others.values())]
-    seen = Seen(twins.machine, twins.frame, xs)
-    rows, pushes, own = by_numbers(motion, [driven for _, driven in others.values()], seen)
-    rows = adapted(rows, twins.measured, motion, free_of(motion.driven))
-    changes = rows.driven(pushes, own)
-    steps = {each.name: each.step for each in declared}
-    return {name: change / steps[name] for name, change in zip(others, changes, strict=True)}
+    motion = twin.motion(pieces)
+    singles = {each.name: stepped([each]) for each in declared}
+    runs = {name: other.driven(pieces) for name, other in singles.items()}
+    along = [
+        each for each in declared if _follows_alike(motion.driven.known, runs[each.name].known)
+    ]
+
+    def changed(groups: Sequence[Sequence[int]]) -> tuple[list[DrivenRuns], Seen]:
+        several = [[along[p] for p in which] for which in groups]
+        those = [stepped(of) if of[1:] else singles[of[0].name] for of in several]
+        found = [
+            twin.driven(pieces) if of[1:] else runs[of[0].name]
+            for of, twin in zip(several, those, strict=True)
+        ]
+        return found, Seen(twin.machine, twin.frame, [twin.twins[0].x, *(of.x for of in those)])
+
+    kinds = [each.name.split(" of ")[0] for each in along]
+    rows, pushes, own = by_numbers(motion, kinds, changed)
+    rows = adapted(rows, twin.measured, motion, free_of(motion.driven))
+    found = rows.driven(pushes, own)
+    return {each.name: of / each.step for each, of in zip(along, found, strict=True)}
 
 
 def agree(

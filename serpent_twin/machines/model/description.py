@@ -241,7 +241,7 @@ class Description(Form, frozen=True):
     """
     steps: Annotated[int, within(0, 1000)] = 0
     """Time steps of the simulation between two rows of a motion, at least 8, or one for each command where
-    `every` is 4 or more; 0: set by the noise
+    `every` is 4 or more, though they be longer than the model's; 0: set by the noise
     """
 
 

@@ -53,6 +53,12 @@ EVERY = 1_000_000
 """Segments of the last fit: all"""
 SEARCHED = 16
 """Segments of a motion by which candidates are chosen: a fit takes as long as they do"""
+_MANY_NUMBERS = 40
+"""Numbers for which differences, a simulation each, take so long that derivatives along one motion are used
+however right they are: where a motion is chaotic neither says much, and a fit takes only steps that help
+"""
+_PROBED = 4
+"""Segments of a motion in which a simulation tells whether derivatives are right"""
 _ROUNDS_IN_MOTION = 2
 """Rounds along weak directions of a motion: without any, all torques of a joint may keep a common factor by
 which a search happened to come in (friction of 0.124 for 0.08 N m)
@@ -171,6 +177,8 @@ class ModelMachine(MachineOfColumns):
         measured = self.places
         for sensor in [each for each in spec.sensors if each.name not in measured]:
             spec.delete(sensor)
+        if self.described.about.steps:
+            spec.option.timestep = max(spec.option.timestep, self.row / self.steps)
         prescribe(spec, self.described)
         separate(spec, self.described)
         lengthen_buffers(spec)
@@ -237,7 +245,8 @@ class ModelMachine(MachineOfColumns):
 
     def coarse_step(self, points: Sequence[ParameterVector]) -> float | None:
         """The fewest time steps in a row of a motion, if the usual ones are more [s]."""
-        return self.row / STEPS[0] if self.steps > STEPS[0] and self.row else None
+        stated = self.described.about.steps
+        return self.row / STEPS[0] if self.steps > STEPS[0] and self.row and not stated else None
 
     def responses_at_places(
         self, point: ParameterVector, pieces: Segments
@@ -264,15 +273,23 @@ class ModelMachine(MachineOfColumns):
         quick = len(self.declared) * self.steps < MIN_STEPS
         if self.described.about.rows == POSES or quick:
             return {}
-        steps = np.diag([each.step for each in self.declared])
         with quietly(), np.errstate(all="ignore"):
-            twins = self._in_motion([point, *(point.after(step) for step in steps)])
-            found = derivatives(twins, self.declared, pieces)
+            stepped = partial(self._stepped, point)
+            found = derivatives(self._in_motion([point]), stepped, self.declared, pieces)
+        if len(self.declared) > _MANY_NUMBERS:
+            return found
+        some = range(0, len(pieces), -(-len(pieces) // _PROBED))
 
         def shown(points: Sequence[ParameterVector]) -> Array:
-            return self.respond(points, pieces)
+            return self.respond(points, pieces.take(some))
 
-        return found if agree(found, self.declared, point, shown, noise) else {}
+        probed = {name: change[some] for name, change in found.items()}
+        return found if agree(probed, self.declared, point, shown, noise) else {}
+
+    def _stepped(self, point: ParameterVector, several: Sequence[Declared]) -> MovingTwin:
+        """The twin a step of some numbers further."""
+        step = [each.step * (each in several) for each in self.declared]
+        return self._moving(point.after(np.array(step)))
 
     def units_of_law(self, law: Law) -> dict[str, str]:
         """The units of a law's size and of its form's parameters."""

@@ -16,34 +16,48 @@ from serpent_twin.arrays import Array
 from serpent_twin.engine.row_changes import RowChanges
 from serpent_twin.engine.stepper import field
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
+from serpent_twin.machines.model.number_readings import Changed, shown_by
 from serpent_twin.machines.model.row_motion import free_of, linear_motion
-from serpent_twin.machines.model.seen import Seen
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.variants import Variants
 from serpent_twin.machines.places import RowMotion
 
-_UNFELT = (
-    *("site_pos", "site_quat", "dof_frictionloss", "dof_solref", "dof_solimp"),
+_RUBBING = (
+    *("dof_frictionloss", "dof_solref", "dof_solimp"),
     *("tendon_frictionloss", "tendon_solref_fri", "tendon_solimp_fri"),
 )
 """Fields of a model on which no force but dry friction depends"""
+_SPRUNG = (
+    *("jnt_stiffness", "jnt_stiffnesspoly", "qpos_spring", "dof_damping", "dof_dampingpoly"),
+    *("tendon_stiffness", "tendon_stiffnesspoly", "tendon_lengthspring"),
+    *("tendon_damping", "tendon_dampingpoly"),
+)
+"""Those on which springs and dampers alone depend"""
+_SEEN = ("site_pos", "site_quat", "jnt_user")
+"""Those on which no force depends, if no tendon, actuator or constraint holds a site that moves"""
 
 
 def by_numbers(
-    motion: DrivenMotion, others: Sequence[DrivenRuns], seen: Seen
+    motion: DrivenMotion, kinds: Sequence[str], changed: Changed
 ) -> tuple[RowMotion, Array, Array]:
-    """Row-to-row dynamics of S runs, and what P twins that differ a little from theirs have more: pushes on
-    the state of the next row, (P, S, T, D), and what is measured in the row itself, (P, S, T, C). `seen` is
-    of the twin and then of the others.
+    """Row-to-row dynamics of S runs, and what P twins that differ in a number of some kind each have more:
+    pushes on the state of the next row, (P, S, T, D), and what is measured in the row itself, (P, S, T, C).
     """
     states, driven = motion.recorded(), motion.driven
+    others, _ = changed([[p] for p in range(len(kinds))])
     models = [other.models for other in others]
-    rows, changes = linear_motion(driven, states, motion.seen, models)
-    torque = _torques(driven, models, states, changes)
-    own = _shown(driven, others, states, seen)
+    differ = [differing(driven.models[0], of[0]) for of in models]
+    sprung = [p for p, of in enumerate(differ) if of.intersection(_SPRUNG)]
+    felt = [p for p, of in enumerate(differ) if of.difference(_RUBBING, _SPRUNG, _SEEN)]
+    sprung = [p for p in sprung if p not in felt]
+    rows, changes = linear_motion(driven, states, motion.seen, models, [models[p] for p in sprung])
+    own = shown_by(driven, states, kinds, changed)
+    torque = np.zeros((len(others), *changes.passive.shape[1:]))
+    torque[sprung] = changes.passive
+    torque[felt] = _torques(driven, [models[p] for p in felt], states, changes)
     pushes = np.zeros((*own.shape[:3], rows.goes_on.shape[-1]))
-    R = torque.shape[2]
-    pushes[:, :, :R] = np.einsum("nkstd,pstkn->pstd", changes.by_force, torque)
+    R = states.steps.position.shape[1]
+    pushes[:, :, :R] = np.einsum("nkstd,pstkn->pstd", changes.by_force, torque, optimize=True)
     pushes[:, :, :R] += changes.by_friction_of
     parts = driven.told.shape[1] // driven.rows
     for p, other in enumerate(others):
@@ -63,10 +77,11 @@ def _torques(
     constraints, (P, S, R, parts, n).
     """
     steps, (S, R), nv = states.steps, states.steps.position.shape[:2], driven.models[0].nv
-    out = np.zeros((len(others), S, R, len(steps.middle), len(free_of(driven))))
-    felt = [p for p, of in enumerate(others) if _felt(driven.models[0], of[0])]
-    others = [others[p] for p in felt]
-    free, all_of = free_of(driven), [m for of in (driven.models, *others) for m in of]
+    free = free_of(driven)
+    out = np.zeros((len(others), S, R, len(steps.middle), len(free)))
+    if not others:
+        return out
+    all_of = [m for of in (driven.models, *others) for m in of]
     bare = {n: _free_model(m) for n, m in {id(m): m for m in all_of}.items()}
     each = [bare[id(m)] for m in all_of]
     runs = Variants(driven, each, states.step)
@@ -87,17 +102,32 @@ def _torques(
         runs.put(t, qfrc_applied=(inertia @ lacks[..., None])[..., 0])
         runs.batch.forward()
         more = (runs.apart(found) - found[:S])[1:]
-        out[felt, :, t, p] = np.einsum("sij,psj->psi", inertia, more)[..., free]
+        out[:, :, t, p] = np.einsum("sij,psj->psi", inertia, more)[..., free]
     return out
 
 
-def _felt(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    """Whether forces other than dry friction depend on where two models differ."""
-    return any(
-        not np.array_equal(field(model, name), field(other, name))
-        for name in mujoco.batch.MODEL_FIELDS
-        if name not in _UNFELT and not name.startswith("opt.")
-    )
+def differing(model: mujoco.MjModel, other: mujoco.MjModel) -> set[str]:
+    """Names of the fields in which two models differ; `held sites` among them if such are where something
+    acts on them.
+    """
+    names = [name for name in mujoco.batch.MODEL_FIELDS if not name.startswith("opt.")]
+    out = {each for each in names if not np.array_equal(field(model, each), field(other, each))}
+    moved = (model.site_pos != other.site_pos).any(axis=1)
+    return out | {"held sites"} if moved[_held_sites(model)].any() else out
+
+
+def _held_sites(model: mujoco.MjModel) -> list[int]:
+    """Sites on which a tendon, an actuator or a constraint acts."""
+    by_site = model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE
+    slider = model.actuator_trntype == mujoco.mjtTrn.mjTRN_SLIDERCRANK
+    equal = model.eq_objtype == mujoco.mjtObj.mjOBJ_SITE
+    held = [
+        model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_SITE],
+        model.actuator_trnid[by_site | slider].ravel(),
+        model.eq_obj1id[equal],
+        model.eq_obj2id[equal],
+    ]
+    return [n for n in np.concatenate(held).tolist() if n >= 0]
 
 
 def _free_model(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -105,27 +135,3 @@ def _free_model(model: mujoco.MjModel) -> mujoco.MjModel:
     bare = copy(model)
     bare.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return bare
-
-
-def _shown(
-    driven: DrivenRuns, others: Sequence[DrivenRuns], states: RowStates, seen: Seen
-) -> Array:
-    """What is measured of other twins beyond that of a twin in the same states, (P, S, T, C)."""
-    models = [model for of in (driven, *others) for model in of.models]
-    runs, parts = Variants(driven, models, states.step), driven.told.shape[1] // driven.rows
-    seen.bind(runs.batch, models)
-    told, found = np.stack([of.told for of in (driven, *others)]), []
-    for t in range(states.pose.shape[1]):
-        runs.put(
-            t,
-            qpos=states.pose[:, t],
-            qvel=states.rate[:, t],
-            act=states.activation[:, t],
-            ctrl=told[:, :, t * parts],
-            qfrc_applied=states.applied[:, t],
-            eq_data=states.equality[:, t],
-        )
-        runs.batch.forward(stage=seen.stage)
-        rows = runs.apart(seen.read(runs.batch))
-        found.append(rows[1:] - rows[0])
-    return np.stack(found, axis=2)

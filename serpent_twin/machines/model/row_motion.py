@@ -93,12 +93,14 @@ def linear_motion(
     states: RowStates,
     seen: Seen,
     others: Sequence[Sequence[mujoco.MjModel]],
+    sprung: Sequence[Sequence[mujoco.MjModel]],
 ) -> tuple[RowMotion, RowChanges]:
-    """Linearise a motion, with the friction of other twins."""
+    """Linearise a motion, with the friction of other twins, and the springs and dampers of those that differ
+    in nothing else.
+    """
     free = free_of(driven)
-    steps = RowChanges.of(
-        driven.models, states.steps, states.step, driven.off[:, :-1], free, others
-    )
+    off = driven.off[:, :-1]
+    steps = RowChanges.of(driven.models, states.steps, states.step, off, free, others, sprung)
     shows, *_ = _shown(driven, states, seen, _Inputs(free))
     return _row_motion(steps, shows), steps
 
