@@ -25,7 +25,7 @@ from serpent_twin.machines.model.doubts import (
 from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
-from serpent_twin.machines.model.machine import EVERY, SEARCHED, ModelMachine
+from serpent_twin.machines.model.machine import EVERY, ModelMachine, searched
 from serpent_twin.machines.model.motion import STEPS, StartGains
 from serpent_twin.machines.model.noise import noise, quieter
 from serpent_twin.machines.model.poses import Rests
@@ -102,7 +102,7 @@ class ModelRig:
         pieces = machine.pieces(training)
         if self.described.about.rows == MOTION:
             row = float(np.median(pieces.period))
-            machine = replace(machine, row=row, segments=(SEARCHED, EVERY))
+            machine = replace(machine, row=row, segments=(searched(pieces), EVERY))
         require_moving_poses(self.described, pieces)
         require_enough(self.described, len(machine.declared), pieces)
         few = pieces.take(range(0, len(pieces), max(1, len(pieces) // _FEW)))

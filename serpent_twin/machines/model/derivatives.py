@@ -37,6 +37,9 @@ def derivatives(
     """Derivatives of what is measured of a twin by the numbers that are fitted, (S, T, C) each, where they
     follow from one simulated motion; `stepped` is a twin that is a step of some numbers further. Lacking are
     those of prescribed motion, and all where a state holds more than what is measured.
+
+    Where a motion is chaotic, what is infinitesimal grows without end, but no width of a prior changes what
+    is measured by more than its span in the log: derivatives are cut to that.
     """
     model = twin.twins[0].driven(pieces).models[0]
     if twin.replays(model, pieces) or not model.njnt == model.nq == model.nv:
@@ -61,7 +64,11 @@ def derivatives(
     rows, pushes, own = by_numbers(motion, kinds, changed)
     rows = adapted(rows, twin.measured, motion, free_of(motion.driven))
     found = rows.driven(pushes, own)
-    return {each.name: of / each.step for each, of in zip(along, found, strict=True)}
+    span = np.nanmax(pieces.measured, axis=(0, 1)) - np.nanmin(pieces.measured, axis=(0, 1))
+    return {
+        each.name: np.clip(np.nan_to_num(of / each.step), -span / each.prior, span / each.prior)
+        for each, of in zip(along, found, strict=True)
+    }
 
 
 def agree(

@@ -51,8 +51,10 @@ from serpent_twin.tables.segments import Segments
 
 EVERY = 1_000_000
 """Segments of the last fit: all"""
-SEARCHED = 16
-"""Segments of a motion by which candidates are chosen: a fit takes as long as they do"""
+_SEARCHED, _VALUES = (7, 16), 40_000
+"""Segments of a motion by which candidates are chosen, fewest and most, and measured values that are enough:
+a fit takes as long as they do
+"""
 _MANY_NUMBERS = 40
 """Numbers for which differences, a simulation each, take so long that derivatives along one motion are used
 however right they are: where a motion is chaotic neither says much, and a fit takes only steps that help
@@ -65,6 +67,12 @@ which a search happened to come in (friction of 0.124 for 0.08 N m)
 """
 _MANY, _ROUNDS = 12, (8, 2)
 """Degrees of freedom that are many; rounds along weak directions with fewer of them, and with so many"""
+
+
+def searched(pieces: Segments) -> int:
+    """How many segments of a motion a search uses."""
+    fewest, most = _SEARCHED
+    return int(np.clip(_VALUES // pieces.measured[0].size, fewest, most))
 
 
 @dataclass(frozen=True)
