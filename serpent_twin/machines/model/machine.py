@@ -55,7 +55,7 @@ _SEARCHED, _VALUES = (7, 16), 40_000
 """Segments of a motion by which candidates are chosen, fewest and most, and measured values that are enough:
 a fit takes as long as they do
 """
-_MANY_NUMBERS = 40
+_MANY_NUMBERS = 100
 """Numbers for which differences, a simulation each, take so long that derivatives along one motion are used
 however right they are: where a motion is chaotic neither says much, and a fit takes only steps that help
 """
