@@ -77,7 +77,7 @@ def _machine_page() -> str:
         "model's number. A number that is *added* has a prior in its own unit, of a slide in mm in place of "
         "°. What calibration fits by default is fitted only where it is not zero in the model.\n"
     )
-    rows = "\n".join(_number_row(name, kind) for name, kind in NUMBERS.items())
+    rows = "\n".join(_number_rows())
     return "\n".join(
         [
             "# Keys of machine.toml\n",
@@ -209,6 +209,18 @@ def _units() -> str:
     names = ", ".join(f"`{unit}`" for unit in TO_SI)
     about = "`1` is that of a control that is no position, such as a current."
     return f"## Units\n\nA unit is one of {names}. {about}\n"
+
+
+def _number_rows() -> Iterator[str]:
+    """A row for each kind of number; along three axes, one for all that are alike."""
+    rows = {name: _number_row("{}", kind) for name, kind in NUMBERS.items()}
+    alike: dict[tuple[str, str], list[str]] = {}
+    for name, row in rows.items():
+        of = name[:-2] if name[-2:] in (" x", " y", " z") else name
+        alike.setdefault((of, row), []).append(name)
+    for (_, row), names in alike.items():
+        axes = "".join(f", `{name[-1]}`" for name in names[1:])
+        yield row.replace("`{}`", f"`{names[0]}`{axes}")
 
 
 def _number_row(name: str, kind: NumberKind) -> str:

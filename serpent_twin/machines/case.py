@@ -139,6 +139,16 @@ class Case(Generic[P]):
         """Cut sessions into segments."""
         return self.machine.pieces(sessions)
 
+    def shortest(self, sessions: Sequence[Any]) -> P | None:
+        """Short segments of sessions by which a first guess is made; None where there are none."""
+        machine: Any = self.machine
+        return machine.shortest(sessions) if hasattr(machine, "shortest") else None
+
+    def starting(self, point: ParameterVector) -> "Case[P]":
+        """The case whose zeros are the declared parameters of a point."""
+        machine: Any = self.machine
+        return replace(self, machine=machine.starting(point.declared))
+
     def take(self, pieces: P, which: Sequence[int]) -> P:
         """Some of the segments."""
         return pieces.take(which)

@@ -129,6 +129,25 @@ def test_a_trace_takes_derivatives_along_one_motion(tmp_path):
     assert set(found) == {each.name for each in case.declared}
 
 
+def test_derivatives_by_many_numbers_are_cut_to_what_the_log_spans(tmp_path, monkeypatch):
+    case, pieces, point = logged(moving_models, tmp_path)
+    wide = [
+        replace(each, declared=replace(each.declared, prior=1e3 * each.declared.prior))
+        for each in case.machine.coordinates
+    ]
+    machine = replace(case.machine, coordinates=tuple(wide), steps=32)
+    usual = machine.derivatives(point, pieces, case.noise)
+    monkeypatch.setattr("serpent_twin.machines.model.derivatives.MANY", 0)
+    cut = machine.derivatives(point, pieces, case.noise)
+    known = pieces.measured.reshape(-1, len(case.noise))
+    span, beyond = np.nanmax(known, axis=0) - np.nanmin(known, axis=0), 0
+    for each in machine.declared:
+        change, most = usual[each.name], span / each.prior
+        beyond += np.count_nonzero(np.abs(change) > most)
+        assert cut[each.name] == pytest.approx(np.clip(change, -most, most), rel=1e-4, abs=1e-6)
+    assert beyond
+
+
 def test_a_site_that_a_cable_passes_matters_to_forces_and_a_marker_does_not():
     plain = mujoco.MjModel.from_xml_string(HELD)
     for name in ("wall", "hook", "marker"):

@@ -131,6 +131,24 @@ def test_a_body_is_turned_about_its_own_axis_by_degrees(tmp_path, angle):
     np.testing.assert_allclose(after.body("upper").quat, before.body("upper").quat)
 
 
+@pytest.mark.parametrize("angle", ["radian", "degree"])
+def test_an_axis_leans_by_milliradians(tmp_path, angle):
+    before, after = changed(tmp_path, "joint axis x", "turn", 8.0, angle)
+    was, now = (m.jnt_axis[m.joint("turn").id] for m in (before, after))
+    assert np.arccos(was @ now) == pytest.approx(8e-3, rel=1e-4) and now[0] > 0 == now[2]
+
+
+def test_one_of_several_that_share_a_number_is_ten_widths_off_at_most(tmp_path):
+    changed(tmp_path, "mass", "lower", 0.1)
+    path, log = tmp_path / "machine.toml", tmp_path / "log.csv"
+    text = path.read_text().replace('of = ["lower"]', 'of = ["*er"], each = 0.2')
+    path.write_text(text)
+    rig = open_machine(path)
+    known = {each.name: each for each in rig.open(rig.read(log)).machine.declared}
+    assert known["mass of lower"].farthest == pytest.approx(2.0)
+    assert known["mass of *er"].farthest == pytest.approx(np.log(1000))
+
+
 def test_a_site_is_shifted(tmp_path):
     before, after = changed(tmp_path, "site z", "tip", -3.0)
     shift = after.site_pos - before.site_pos

@@ -23,14 +23,16 @@ from serpent_twin.machines.model.doubts import (
     require_varied,
 )
 from serpent_twin.machines.model.drives import PARTS
+from serpent_twin.machines.model.known_motion import LAG
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
-from serpent_twin.machines.model.machine import EVERY, ModelMachine, searched
+from serpent_twin.machines.model.machine import EVERY, ModelMachine
 from serpent_twin.machines.model.motion import STEPS, StartGains
 from serpent_twin.machines.model.noise import noise, quieter
 from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.rubbing import sized
+from serpent_twin.machines.model.segments import searched
 from serpent_twin.machines.model.session_starts import SessionStarts, about_starts
 from serpent_twin.machines.model.shared_unit import require_shared_unit
 from serpent_twin.machines.model.sought import sought
@@ -102,7 +104,8 @@ class ModelRig:
         pieces = machine.pieces(training)
         if self.described.about.rows == MOTION:
             row = float(np.median(pieces.period))
-            machine = replace(machine, row=row, segments=(searched(pieces), EVERY))
+            lag = row * float(np.mean(pieces.column[LAG])) if LAG in pieces.column else 0.0
+            machine = replace(machine, row=row, lag=lag, segments=(searched(pieces), EVERY))
         require_moving_poses(self.described, pieces)
         require_enough(self.described, len(machine.declared), pieces)
         few = pieces.take(range(0, len(pieces), max(1, len(pieces) // _FEW)))

@@ -44,18 +44,13 @@ class Before:
         if not self.values:
             return list(all_of)
         zeros = [zero_of(each) for each in machine.about.drive]
-        return [self._from_here(each) for each in all_of if each.declared.name in zeros]
+        free = [each for each in all_of if each.declared.name in zeros]
+        return [each.guessed(self.values) for each in free]
 
     def sought(self, known: Mapping[str, Candidate]) -> dict[str, Candidate]:
         """The candidates that it does not have already."""
         there = {effects.name_of(each) for each in self.effects}
         return {name: each for name, each in known.items() if name not in there}
-
-    def _from_here(self, each: FittedNumber) -> FittedNumber:
-        """A coordinate whose quantity starts where it was."""
-        was = each.quantity
-        start = was.start + was.scale * self.values[each.declared.name]
-        return replace(each, quantity=replace(was, start=start))
 
 
 def read_before(machine: Described, all_of: Sequence[FittedNumber], path: Path) -> Before:

@@ -9,11 +9,12 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Output
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
 from serpent_twin.machines.model.full_rate import columns_between
+from serpent_twin.machines.model.known_motion import without_held
 from serpent_twin.machines.model.segments import ROWS, segments
 from serpent_twin.machines.model.starts import start_columns
 from serpent_twin.residual import Measure
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Segments, cut
+from serpent_twin.tables.segments import Segments, Stretch, cut
 
 _BLOCK = 8
 """Rows that are judged as one sample"""
@@ -77,8 +78,12 @@ class MachineOfColumns:
 
     def pieces(self, sessions: Sequence[Log]) -> Segments:
         """Sessions in segments of some rows; whole, if a motion can start from its first row only."""
-        parts = [part for run in sessions for part in segments(self.described, run)]
-        return cut(parts, self.columns, [each.name for each in self.outputs])
+        return self.stacked([part for run in sessions for part in segments(self.described, run)])
+
+    def stacked(self, parts: Sequence[Stretch]) -> Segments:
+        """Stretches of sessions, what is measured of them as far as it says anything."""
+        found = cut(parts, self.columns, [each.name for each in self.outputs])
+        return without_held(self.described, found)
 
     def pose_noise(self, pieces: Segments) -> Array:
         """The least noise of each coordinate."""

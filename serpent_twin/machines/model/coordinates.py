@@ -33,6 +33,8 @@ ones are off by passes for information on what all forces share, fifty times wha
 """
 _FARTHEST = float(np.log(1000.0))
 """Of a number whose logarithm is fitted, how far it is taken: engines know no body of hardly any mass"""
+_APART = 10.0
+"""Widths by which one of several that share a number differs from it at most"""
 _TURNED, _SHIFTED = 5.0, 20.0
 """Priors of the frame of the cameras [°], [mm]"""
 CAMERAS = (
@@ -64,6 +66,13 @@ class FittedNumber:
     """What of the model it changes; nothing for what is no number of the model"""
     of: tuple[int, ...] = ()
     """Of which of its things"""
+
+    def guessed(self, guess: Mapping[str, float]) -> "FittedNumber":
+        """The same whose quantity starts at a first guess of the coordinates, by name."""
+        if not guess:
+            return self
+        start = self.quantity.after(sum(guess.get(name, 0.0) for name in self.quantity.of))
+        return replace(self, quantity=replace(self.quantity, start=start))
 
 
 def coordinates(machine: Described) -> tuple[FittedNumber, ...]:
@@ -127,7 +136,10 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
         for n in which if apart and len(which) > 1 else ():
             one = _coordinate(model, uncertain.number, (n,), apart, known[n])
             of = (shared.declared.name, one.declared.name)
-            yield replace(one, quantity=replace(one.quantity, of=of))
+            declared = one.declared
+            if declared.farthest < np.inf:
+                declared = replace(declared, farthest=min(_APART * apart, _FARTHEST))
+            yield replace(one, declared=declared, quantity=replace(one.quantity, of=of))
 
 
 def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:
@@ -162,7 +174,7 @@ def _coordinate(
         NUMBERS[number].of == "joint"
         and (model.jnt_type[list(which)] == mujoco.mjtJoint.mjJNT_SLIDE).all()
     ):
-        unit = OF_SLIDES[unit]
+        unit = OF_SLIDES.get(unit, unit)
     start = float(np.mean(numbers_of(model, number)[list(which)]))
     added = NUMBERS[number].added
     return FittedNumber(

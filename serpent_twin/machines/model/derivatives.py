@@ -18,7 +18,7 @@ _SEED = 0
 """Of the signs of the step that is simulated"""
 _PROBED = 0.1
 """That step, in steps of the numbers"""
-MIN_STEPS = 100
+_MIN_STEPS = 100
 """Time steps of a row, of all simulations that are saved, from which derivatives along one motion are
 quicker: with 10 numbers in 8 steps they take 1.0 … 1.2 times as long
 """
@@ -26,20 +26,48 @@ _MAX_ERROR = 0.3
 """Most that a simulated step may differ from what derivatives predict, of what the numbers change one by one
 (root of the sum of squares: together they may cancel), for these to be used
 """
+_CHECKED = 4
+"""Segments of a motion that are simulated to check derivatives"""
+MANY = 100
+"""Numbers for which differences, a simulation each, take so long that derivatives along one motion are used
+however right they are: where a motion is chaotic neither says much, and a fit takes only steps that help
+"""
+Stepped = Callable[[Sequence[Declared]], MovingTwin]
+"""A twin that is a step of some numbers further"""
+
+
+def worthwhile(
+    twin: TwinsInMotion,
+    stepped: Stepped,
+    respond: Callable[[Sequence[ParameterVector], Segments], Array],
+    point: ParameterVector,
+    declared: Sequence[Declared],
+    pieces: Segments,
+    noise: Array,
+) -> dict[str, Array]:
+    """Derivatives of what is measured of a twin at a point, (S, T, C) each, as far as one motion tells them;
+    none where simulations are quicker, or disagree with them by the noise of each channel, (C,).
+    """
+    if len(declared) * twin.steps < _MIN_STEPS:
+        return {}
+    found = derivatives(twin, stepped, declared, pieces)
+    if len(declared) > MANY:
+        return found
+    some = range(0, len(pieces), -(-len(pieces) // _CHECKED))
+    probed = {name: change[some] for name, change in found.items()}
+
+    def shown(points: Sequence[ParameterVector]) -> Array:
+        return respond(points, pieces.take(some))
+
+    return found if agree(probed, declared, point, shown, noise) else {}
 
 
 def derivatives(
-    twin: TwinsInMotion,
-    stepped: Callable[[Sequence[Declared]], MovingTwin],
-    declared: Sequence[Declared],
-    pieces: Segments,
+    twin: TwinsInMotion, stepped: Stepped, declared: Sequence[Declared], pieces: Segments
 ) -> dict[str, Array]:
     """Derivatives of what is measured of a twin by the numbers that are fitted, (S, T, C) each, where they
-    follow from one simulated motion; `stepped` is a twin that is a step of some numbers further. Lacking are
-    those of prescribed motion, and all where a state holds more than what is measured.
-
-    Where a motion is chaotic, what is infinitesimal grows without end, but no width of a prior changes what
-    is measured by more than its span in the log: derivatives are cut to that.
+    follow from one simulated motion. Lacking are those of prescribed motion, and all where a state holds more
+    than what is measured.
     """
     model = twin.twins[0].driven(pieces).models[0]
     if twin.replays(model, pieces) or not model.njnt == model.nq == model.nv:
@@ -52,23 +80,34 @@ def derivatives(
     ]
 
     def changed(groups: Sequence[Sequence[int]]) -> tuple[list[DrivenRuns], Seen]:
-        several = [[along[p] for p in which] for which in groups]
-        those = [stepped(of) if of[1:] else singles[of[0].name] for of in several]
-        found = [
-            twin.driven(pieces) if of[1:] else runs[of[0].name]
-            for of, twin in zip(several, those, strict=True)
-        ]
-        return found, Seen(twin.machine, twin.frame, [twin.twins[0].x, *(of.x for of in those)])
+        found, xs = [], [twin.twins[0].x]
+        for which in groups:
+            several = [along[p] for p in which]
+            name = several[0].name
+            other = stepped(several) if several[1:] else singles[name]
+            found.append(other.driven(pieces) if several[1:] else runs[name])
+            xs.append(other.x)
+        return found, Seen(twin.machine, twin.frame, xs)
 
     kinds = [each.name.split(" of ")[0] for each in along]
     rows, pushes, own = by_numbers(motion, kinds, changed)
     rows = adapted(rows, twin.measured, motion, free_of(motion.driven))
     found = rows.driven(pushes, own)
-    span = np.nanmax(pieces.measured, axis=(0, 1)) - np.nanmin(pieces.measured, axis=(0, 1))
-    return {
-        each.name: np.clip(np.nan_to_num(of / each.step), -span / each.prior, span / each.prior)
-        for each, of in zip(along, found, strict=True)
-    }
+    if len(declared) > MANY:
+        found = own + _cut(found - own, along, pieces.measured)
+    return {each.name: of / each.step for each, of in zip(along, found, strict=True)}
+
+
+def _cut(changes: Array, declared: Sequence[Declared], measured: Array) -> Array:
+    """Changes by a step of each number that come from the rows before, (P, S, T, C), cut to what a width of
+    its prior can do: where a motion is chaotic, what is infinitesimal grows without end, but nothing that is
+    measured, (S, T, C), changes by more than its span.
+    """
+    known = measured.reshape(-1, measured.shape[-1])
+    most, least = np.fmax.reduce(known), np.fmin.reduce(known)
+    share = np.array([each.step / each.prior for each in declared])
+    span = np.nan_to_num(most - least) * share[:, None, None, None]
+    return np.clip(np.nan_to_num(changes), -span, span)
 
 
 def agree(

@@ -1,6 +1,7 @@
 """Say what a machine.toml holds: which columns drive an MJCF, and which it is compared with."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -9,6 +10,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.machines.model.bare import bare
 from serpent_twin.machines.model.numbers import NUMBERS, is_dc_motor
 from serpent_twin.residual import (
     ANGLE,
@@ -288,6 +290,11 @@ class Described:
     model: mujoco.MjModel
     files: list[Path]
     """All that it is made of"""
+
+    @cached_property
+    def bare(self) -> mujoco.MjSpec:
+        """The model without what is only drawn, as it is simulated."""
+        return bare(self.spec, self.model)
 
     @property
     def name(self) -> str:

@@ -119,11 +119,6 @@ class TwinsInMotion:
         found = sensed(seen, angles=joint_angles(motion.driven.models[0], pose))
         return found.reshape(len(self.twins), len(pieces), *found.shape[1:])
 
-    @property
-    def first(self) -> "TwinsInMotion":
-        """The first twin alone."""
-        return replace(self, twins=self.twins[:1])
-
     def motion(self, pieces: Segments) -> DrivenMotion:
         """The runs, from where the log begins."""
         machine, twins = self.machine, self.twins

@@ -16,6 +16,10 @@ LAG = "lag of the drives"
 """Name of the column of the time with which drives take up a velocity [rows]"""
 _JUMPS, _LONGEST = 0.5, 0.9
 """Of the root mean square of all jumps, those of a velocity that count; the longest lag [rows]"""
+STANDING = 0.0167
+"""Speed [rad/s, m/s] about which dry friction turns from one side to the other"""
+_SLOW = 6.0
+"""Times that speed, below which the friction of servos lies anywhere between its two sides"""
 _INVERTED = 30
 """Steps of a fixed point"""
 
@@ -117,6 +121,22 @@ def with_lag(machine: Described, runs: Sequence[Log]) -> list[Log]:
 def rate_column(column: str) -> str:
     """Name of the column of the rate of a prescribed motion."""
     return f"{column} per row"
+
+
+def without_held(machine: Described, pieces: Segments) -> Segments:
+    """Segments in which nothing counts as measured of what drives a joint while that stands: its own dry
+    friction holds then whatever it must, either way.
+    """
+    efforts, model, n = machine.efforts, machine.model, 0
+    drives = {each.joint: each for each in machine.prescribed}
+    measured = pieces.measured.copy()
+    for each in machine.about.measured:
+        held = efforts.get(each.joint) is each
+        if held and model.dof_frictionloss[model.joint(each.joint).dofadr[0]] > 0:
+            rate = pieces.column[rate_column(drives[each.joint].column)] / pieces.period[:, None]
+            measured[..., n][np.abs(rate) < _SLOW * STANDING] = np.nan
+        n += len(each.columns)
+    return replace(pieces, measured=measured)
 
 
 def known_motion(

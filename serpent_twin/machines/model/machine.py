@@ -1,7 +1,7 @@
 """Make any MJCF traceable whose machine.toml says what a log's columns are."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from serpent_twin.machines.model.before import Before
 from serpent_twin.machines.model.columns import MachineOfColumns
 from serpent_twin.machines.model.compared import compared
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
-from serpent_twin.machines.model.derivatives import MIN_STEPS, agree, derivatives
+from serpent_twin.machines.model.derivatives import MANY, worthwhile
 from serpent_twin.machines.model.description import MOTION, POSES
 from serpent_twin.machines.model.drives import ToldBefore
 from serpent_twin.machines.model.full_states import lengthen_buffers
@@ -41,38 +41,26 @@ from serpent_twin.machines.model.pose_places import places_at_rest
 from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.prescribed import prescribe
 from serpent_twin.machines.model.session_starts import SessionStarts
+from serpent_twin.machines.model.shortest import goes_on_from_sites, shortest
 from serpent_twin.machines.model.starts import started_again
 from serpent_twin.machines.model.state_effects import acting_on_state
 from serpent_twin.machines.model.switches import separate
 from serpent_twin.machines.model.twin_file import write_twin
 from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.residual import Comparison
+from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 
 EVERY = 1_000_000
 """Segments of the last fit: all"""
-_SEARCHED, _VALUES = (7, 16), 40_000
-"""Segments of a motion by which candidates are chosen, fewest and most, and measured values that are enough:
-a fit takes as long as they do
-"""
-_MANY_NUMBERS = 100
-"""Numbers for which differences, a simulation each, take so long that derivatives along one motion are used
-however right they are: where a motion is chaotic neither says much, and a fit takes only steps that help
-"""
-_PROBED = 4
-"""Segments of a motion in which a simulation tells whether derivatives are right"""
+_STEPS = 2, 10
+"""Steps that a derivative serves by few and by many numbers"""
 _ROUNDS_IN_MOTION = 2
 """Rounds along weak directions of a motion: without any, all torques of a joint may keep a common factor by
 which a search happened to come in (friction of 0.124 for 0.08 N m)
 """
 _MANY, _ROUNDS = 12, (8, 2)
 """Degrees of freedom that are many; rounds along weak directions with fewer of them, and with so many"""
-
-
-def searched(pieces: Segments) -> int:
-    """How many segments of a motion a search uses."""
-    fewest, most = _SEARCHED
-    return int(np.clip(_VALUES // pieces.measured[0].size, fewest, most))
 
 
 @dataclass(frozen=True)
@@ -105,9 +93,17 @@ class ModelMachine(MachineOfColumns):
     """Sentences on effects that are not sought, and on what nothing measures"""
     before: Before = field(default_factory=Before)
     """What was found of it before something about it was changed"""
+    lag: float = 0.0
+    """With which prescribed joints take up a velocity that is commanded [s]"""
+    guess: Mapping[str, float] = field(default_factory=dict)
+    """Coordinates from which the fit starts, by name; else zero"""
 
-    steps_of_derivative: int = 2
-    """Few: a derivative is one more simulation for each free parameter"""
+    @property
+    def steps_of_derivative(self) -> int:
+        """Few where a derivative is one more simulation for each free parameter, side by side; many where it
+        follows from one motion, which takes as long as several simulations.
+        """
+        return _STEPS[len(self.coordinates) > MANY]
 
     @property
     def weak_rounds(self) -> int:
@@ -134,7 +130,8 @@ class ModelMachine(MachineOfColumns):
     @property
     def _free(self) -> list[FittedNumber]:
         """The coordinates that are fitted."""
-        return self.before.free(self.described, self.coordinates)
+        free = self.before.free(self.described, self.coordinates)
+        return [each.guessed(self.guess) for each in free]
 
     @property
     def error_before_change(self) -> float:
@@ -144,7 +141,7 @@ class ModelMachine(MachineOfColumns):
     def values(self, declared: Array) -> dict[str, float]:
         """All coordinates, by name, where those that are fitted are at some values, (P,)."""
         own = by_coordinate(self.declared, declared)
-        was = self.before.values
+        was = {**self.before.values, **self.guess}
         return {**was, **{name: was.get(name, 0.0) + by for name, by in own.items()}}
 
     def effects_at(self, point: ParameterVector) -> tuple[Effect, ...]:
@@ -160,33 +157,52 @@ class ModelMachine(MachineOfColumns):
 
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
         """The twin as MJCF."""
-        spec = self.described.spec.copy()
+        return self._edited(self.described.spec.copy(), declared, effects)
+
+    def _edited(
+        self, spec: mujoco.MjSpec, declared: Array, effects: Sequence[Effect]
+    ) -> mujoco.MjSpec:
+        """A spec of the model with the twin's numbers and effects."""
         edit_numbers(spec, self.coordinates, self.values(declared))
         edit(spec, (*self.before.effects, *effects))
         return spec
 
+    def shortest(self, sessions: Sequence[Log]) -> Segments | None:
+        """Some two rows each of sessions, if a motion goes on from measured sites in any row; else None."""
+        if self.before.values or not goes_on_from_sites(self.described):
+            return None
+        return shortest(self, sessions)
+
+    def starting(self, declared: Array) -> "ModelMachine":
+        """The machine whose fit starts from coordinates, (P,)."""
+        guess = by_coordinate(self.declared, declared)
+        return replace(self, guess=guess, gains=StartGains(), begun=SessionStarts())
+
     def compare(self, point: ParameterVector | None, pieces: Segments) -> Comparison:
         """Measured beside predicted, in blocks that are judged one by one."""
-        return compared(self, point or ParameterVector.nominal(self.declared), pieces)
+        if point:
+            return compared(self, point, pieces)
+        as_it_is = self.starting(np.zeros(len(self.declared))) if self.guess else self
+        return compared(as_it_is, ParameterVector.nominal(self.declared), pieces)
 
     def write(
         self, point: ParameterVector, noise: Array, path: Path, about: Mapping[str, Any]
     ) -> None:
         """Write the twin's parameters as PATH, and what MJCF can express of it as PATH.xml."""
-        write_twin(self, point, path, about)
+        write_twin(self, point, noise, path, about)
 
     def _compiled(
         self, declared: Array, effects: Sequence[Effect], known: Sequence[Factor]
     ) -> mujoco.MjModel:
         """The twin as it is simulated, with the numbers that a session states."""
-        spec = self.spec(declared, effects)
+        spec = self._edited(self.described.bare.copy(), declared, effects)
         for number, which, factor in known:
             change_number(spec, number, which, factor)
         measured = self.places
         for sensor in [each for each in spec.sensors if each.name not in measured]:
             spec.delete(sensor)
         if self.described.about.steps:
-            spec.option.timestep = max(spec.option.timestep, self.row / self.steps)
+            spec.option.timestep = max(spec.option.timestep, self.row / self._coarse)
         prescribe(spec, self.described)
         separate(spec, self.described)
         lengthen_buffers(spec)
@@ -252,9 +268,15 @@ class ModelMachine(MachineOfColumns):
         return MovingTwin(self.described, there, x, compiled, self.told)
 
     def coarse_step(self, points: Sequence[ParameterVector]) -> float | None:
-        """The fewest time steps in a row of a motion, if the usual ones are more [s]."""
-        stated = self.described.about.steps
-        return self.row / STEPS[0] if self.steps > STEPS[0] and self.row and not stated else None
+        """The fewest time steps in a row of a motion, or half of those that are stated, if the usual ones are
+        more [s].
+        """
+        return self.row / self._coarse if self.row and self._coarse < self.steps else None
+
+    @property
+    def _coarse(self) -> int:
+        """The fewest time steps in a row."""
+        return max(STEPS[0], self.described.about.steps // 2)
 
     def responses_at_places(
         self, point: ParameterVector, pieces: Segments
@@ -276,23 +298,14 @@ class ModelMachine(MachineOfColumns):
         self, point: ParameterVector, pieces: Segments, noise: Array
     ) -> dict[str, Array]:
         """Derivatives by the model's numbers along one motion, where that is quicker than one simulation each
-        and a simulated step of all agrees.
+        and right.
         """
-        quick = len(self.declared) * self.steps < MIN_STEPS
-        if self.described.about.rows == POSES or quick:
+        if self.described.about.rows == POSES:
             return {}
+        stepped = partial(self._stepped, point)
         with quietly(), np.errstate(all="ignore"):
-            stepped = partial(self._stepped, point)
-            found = derivatives(self._in_motion([point]), stepped, self.declared, pieces)
-        if len(self.declared) > _MANY_NUMBERS:
-            return found
-        some = range(0, len(pieces), -(-len(pieces) // _PROBED))
-
-        def shown(points: Sequence[ParameterVector]) -> Array:
-            return self.respond(points, pieces.take(some))
-
-        probed = {name: change[some] for name, change in found.items()}
-        return found if agree(probed, self.declared, point, shown, noise) else {}
+            twin = self._in_motion([point])
+            return worthwhile(twin, stepped, self.respond, point, self.declared, pieces, noise)
 
     def _stepped(self, point: ParameterVector, several: Sequence[Declared]) -> MovingTwin:
         """The twin a step of some numbers further."""

@@ -47,9 +47,8 @@ def by_numbers(
     others, _ = changed([[p] for p in range(len(kinds))])
     models = [other.models for other in others]
     differ = [differing(driven.models[0], of[0]) for of in models]
-    sprung = [p for p, of in enumerate(differ) if of.intersection(_SPRUNG)]
     felt = [p for p, of in enumerate(differ) if of.difference(_RUBBING, _SPRUNG, _SEEN)]
-    sprung = [p for p in sprung if p not in felt]
+    sprung = [p for p, of in enumerate(differ) if p not in felt and of.intersection(_SPRUNG)]
     rows, changes = linear_motion(driven, states, motion.seen, models, [models[p] for p in sprung])
     own = shown_by(driven, states, kinds, changed)
     torque = np.zeros((len(others), *changes.passive.shape[1:]))

@@ -173,6 +173,18 @@ def _angled(axis: int) -> NumberKind:
     )
 
 
+def _leaning(axis: int) -> NumberKind:
+    """A lean of a joint's axis towards an axis of its body's frame."""
+
+    def lean(joint: Any, by: float) -> None:
+        joint.axis = joint.axis / np.linalg.norm(joint.axis) + 1e-3 * by * np.eye(3)[axis]
+
+    def read(model: mujoco.MjModel) -> np.ndarray:
+        return 1e3 * model.jnt_axis[:, axis]
+
+    return NumberKind("mrad", "joint", read, lean, 5.0, added=True, fitted=False)
+
+
 def _near_rest(model: mujoco.MjModel) -> np.ndarray:
     """How steeply dry friction of joints rises with velocity near rest, 2 / ((1 − d) τ) [1/s], of the
     impedance d and time constant τ of its constraint: over the inverse inertia, in N m s/rad.
@@ -222,6 +234,7 @@ NUMBERS: Mapping[str, NumberKind] = {
     ),
     "joint zero": _turned("ref", "qpos0", 2.0),
     "joint rest": _turned("springref", "qpos_spring", 3.0),
+    **{f"joint axis {axis}": _leaning(n) for n, axis in enumerate("xyz")},
     "actuator gain": NumberKind("1", "actuator", _gain, _scale_gain, 0.5),
     "actuator damping": NumberKind(
         "s", "actuator", _damping_time, _scale_damping, 0.2, at_rest=False

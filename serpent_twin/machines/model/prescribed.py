@@ -10,14 +10,12 @@ from mujoco.batch import Batch
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import addresses, in_a_row
 from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
-from serpent_twin.machines.model.known_motion import KnownMotion
+from serpent_twin.machines.model.known_motion import STANDING, KnownMotion
 
 _HELD = 0.9999
 """MuJoCo's impedance of a constraint that hardly gives way: the most that it allows"""
 HEAVY = 1e6
 """Times its inertia, an armature with which a joint moves as it is pushed whatever else acts on it"""
-_STANDING = 0.0167
-"""Speed [rad/s, m/s] about which dry friction turns from one side to the other"""
 _SHORT, _USUAL = 1e-9, 0.02
 """Time constants of constraints [s]: one that MuJoCo raises to two steps, and its default"""
 _PULLS, _MOMENT = 40, 3e-5
@@ -111,7 +109,7 @@ class Efforts:
         """Torques or forces [N m or N], (n, E); of dry friction, all in motion and nothing at rest."""
         fields = ("qfrc_applied", "qacc", "qvel")
         applied, acceleration, speed = (batch.bind(name)[:, self.dof] for name in fields)
-        against = self.dry * np.tanh(speed / _STANDING) + self.viscous * speed
+        against = self.dry * np.tanh(speed / STANDING) + self.viscous * speed
         return applied - self.torque - self.inertia * acceleration + against
 
 

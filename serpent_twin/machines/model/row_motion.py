@@ -93,14 +93,13 @@ def linear_motion(
     states: RowStates,
     seen: Seen,
     others: Sequence[Sequence[mujoco.MjModel]],
-    sprung: Sequence[Sequence[mujoco.MjModel]],
+    otherwise_sprung: Sequence[Sequence[mujoco.MjModel]],
 ) -> tuple[RowMotion, RowChanges]:
     """Linearise a motion, with the friction of other twins, and the springs and dampers of those that differ
     in nothing else.
     """
-    free = free_of(driven)
-    off = driven.off[:, :-1]
-    steps = RowChanges.of(driven.models, states.steps, states.step, off, free, others, sprung)
+    free, about = free_of(driven), (driven.models, states.steps, states.step)
+    steps = RowChanges.of(*about, driven.off[:, :-1], free, others, otherwise_sprung)
     shows, *_ = _shown(driven, states, seen, _Inputs(free))
     return _row_motion(steps, shows), steps
 

@@ -9,7 +9,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.starts import LEAD, starts_anywhere
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.segments import Stretch
+from serpent_twin.tables.segments import Segments, Stretch
 
 _FEWEST = 2
 """Rows of a segment"""
@@ -17,6 +17,10 @@ _LEAD = 4
 """Poses before a segment that are sought, so that what remembers its past has one"""
 _POSES, ROWS = 20, 100
 """Rows of a segment of poses, and of a motion"""
+_SEARCHED, _VALUES = (7, 16), 40_000
+"""Segments of a motion by which candidates are chosen, fewest and most, and measured values that are enough:
+a fit takes as long as they do
+"""
 
 
 def segments(machine: Described, run: Log) -> list[Stretch]:
@@ -25,7 +29,7 @@ def segments(machine: Described, run: Log) -> list[Stretch]:
     """
     about, moves = machine.about, machine.about.rows == MOTION
     whole = moves and not starts_anywhere(machine)
-    lead = 0 if whole else _lead(machine, run)
+    lead = 0 if whole else lead_of(machine, run)
     first = lead if moves else 0
     size = about.segment or (ROWS if moves else _POSES)
     parts = 1 if whole else ceil(len(run) / size)
@@ -34,7 +38,13 @@ def segments(machine: Described, run: Log) -> list[Stretch]:
     return [each for each in found if each.end - each.first >= _FEWEST]
 
 
-def _lead(machine: Described, run: Log) -> int:
+def searched(pieces: Segments) -> int:
+    """How many segments of a motion a search uses."""
+    fewest, most = _SEARCHED
+    return int(np.clip(_VALUES // pieces.measured[0].size, fewest, most))
+
+
+def lead_of(machine: Described, run: Log) -> int:
     """Rows before each segment; raises a `SerpentError` of a session that ends before they do."""
     about = machine.about
     if about.rows != MOTION:

@@ -54,6 +54,10 @@ class MachineTwin(stored.Form, frozen=True):
     """Of its coordinates"""
     error: Annotated[float, stored.within(0.0, 1e6)] = 0.0
     """Mean error of the pose on those runs, in its measure's unit; 0 if unknown"""
+    noise: dict[str, Annotated[float, stored.within(0.0, 1e6)]] = field(default_factory=dict)
+    """What the twin leaves of each column, rms, in SI units"""
+    lag: Annotated[float, stored.within(0.0, 1e3)] = 0.0
+    """Time constant with which prescribed joints take up a velocity that is commanded [s]"""
 
     def __post_init__(self) -> None:
         effects.require_distinct(self.effects)  # which makes each, within its range
@@ -102,9 +106,15 @@ def read_described(path: Path) -> MachineTwin:
 
 
 def write_twin(
-    machine: "ModelMachine", point: ParameterVector, path: Path, about: Mapping[str, Any]
+    machine: "ModelMachine",
+    point: ParameterVector,
+    noise: Array,
+    path: Path,
+    about: Mapping[str, Any],
 ) -> None:
-    """Write the twin's parameters as PATH, and what MJCF can express of it as PATH.xml."""
+    """Write the twin's parameters as PATH, which leaves some noise of each channel, (C,), and what MJCF can
+    express of it as PATH.xml.
+    """
     there, values = machine.effects_at(point), machine.values(point.declared)
     spec = machine.spec(point.declared, effects_at(point))
     spec.compile()
@@ -115,6 +125,8 @@ def write_twin(
         "first": dict(machine.frame),
         "declared": {n: {"value": float(values[n]), "unit": unit} for n, unit in units.items()},
         "effects": [effects.to_dict(effect) for effect in there],
+        "noise": dict(zip((each.name for each in machine.outputs), map(float, noise), strict=True)),
+        "lag": machine.lag,
     }
     write_json(path, told | dict(about))
     left = [effects.name_of(e) for e in there if not e.absent and not e.export(spec)]
