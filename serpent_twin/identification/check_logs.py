@@ -14,6 +14,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import ABSENT, Checked, when
 from serpent_twin.identification import check_page
 from serpent_twin.identification.detection import identifiability, opening_fit
+from serpent_twin.identification.first_guess import guessed
 from serpent_twin.identification.first_picture import begin_report
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.score_test import scores
@@ -94,6 +95,7 @@ def _checked(
         pieces = case.pieces(logs)
         if out:
             progress.say(begin_report(case.compare(None, pieces), out, "What these logs can tell"))
+        case = guessed(case, logs, progress.step)
         case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
         progress.step("derivatives")
         opening = opening_fit(case, pieces)

@@ -13,7 +13,7 @@ from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import derives_cheaply, fit
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.score_test import worth_fitting
+from serpent_twin.identification.score_test import Score, scores, worth_fitting
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
@@ -64,7 +64,8 @@ def from_opening(
     stage: str,
 ) -> dict[str, CandidateTrial]:
     """Score tests of candidates where nothing is calibrated, and full fits of the best few together with all
-    declared parameters, judged against the calibrated `base`.
+    declared parameters, judged against the calibrated `base`. Those that are near the best are gone on with
+    by the weights that they leave, as the base was; where a derivative is dear, the best alone.
     """
     case, begun = opening
     found = trials.placed(stage, case, begun, trials.scores(stage, case, begun, names))
@@ -78,23 +79,49 @@ def from_opening(
     cheap, least, fits = derives_cheaply(case), np.inf, dict[str, Fit]()
     for name in chosen:
         trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
-        fitted = trials.stable(
-            f"fit_{stage}_{name}",
-            lambda one=found[name], near=HOPELESS * least: full_fit(
-                weighed, trials.training, begun, one, trials.on_progress, near, afresh=cheap
-            ),
-        )
-        if fitted is None:
+        several = list[Fit]()
+        for n, one in enumerate([found[name], *_others(trials, case, begun, found[name], stage)]):
+            fitted = trials.stable(
+                f"fit_{stage}_{name}{f'_variant_{n}' if n else ''}",
+                lambda one=one, near=HOPELESS * least: full_fit(
+                    weighed, trials.training, begun, one, trials.on_progress, near, afresh=cheap
+                ),
+            )
+            if fitted:
+                several.append(fitted)
+                least = min(least, fitted.cost)
+        if not several:
             out[name] = replace(out[name], score=replace(found[name], unstable=True))
             continue
-        fits[name], least = fitted, min(least, fitted.cost)
+        fits[name] = min(several, key=lambda each: each.cost)
     for name, fitted in fits.items():
         own = weighed
-        if cheap and fitted.cost <= BEHIND * least:
+        if fitted.cost <= (BEHIND if cheap else 1.0) * least:
             own, fitted = trials.reweighted(weighed, fitted, f"fit_{stage}_{name}", once=True)
         trial = trials.judged(own, found[name], base, fitted, before, len(chosen))
         out[name] = replace(trial, opened=True)
     return out
+
+
+def _others(trials: Trials, case: Case[Any], begun: Fit, score: Score, stage: str) -> list[Score]:
+    """Scores of a candidate's other variants that remove nearly as much, where they differ in what no fit
+    changes, so that each is a hypothesis of its own.
+    """
+    known = case.candidates[score.name]
+    several, fitted = np.array(known.variants), [each.fitted for each in known.ranges.values()]
+    kinds = np.flatnonzero(~np.array(fitted) & (np.ptp(several, axis=0) > 0))
+    others = several[(several[:, kinds] != score.tried[kinds]).any(axis=1)]
+    if known.composed or not len(others):
+        return []
+    same = np.setdiff1d(np.flatnonzero(~np.array(fitted)), kinds)  # such as a place within
+    others[:, same] = score.tried[same]
+    each = replace(known, variants=tuple(others))
+
+    def test() -> list[Score]:
+        return scores(case, trials.training, begun, [each])
+
+    tested = trials.notes.scores(f"scores_{stage}_{score.name}_variants", test)
+    return [one for one in tested if one.share > _TIED * score.share]
 
 
 def behind(

@@ -7,12 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from serpent_twin import stored
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.checkpoints import Checkpoints, Number, fit_arrays, fit_in
+from serpent_twin.identification.first_guess import STAGE
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.runs.files import write_arrays
+from serpent_twin.stored import Numbers
 
 FILE = "fit.npz"
 """File of the kept fit in the folder of a trace"""
@@ -34,6 +37,8 @@ def keep(folder: Path, found: bool) -> None:
     effects = {name: list(map(float, at.effects[name])) for name, at in single.items()}
     arrays = {name: each for name, each in fit_arrays(last).items() if name not in _LARGE}
     arrays |= {"used": np.array(last.used), "single": np.array(json.dumps(effects))}
+    if (first := guess(folder)) is not None:
+        arrays["guess"] = first
     write_arrays(folder / FILE, arrays)
 
 
@@ -47,6 +52,18 @@ def fits(folder: Path, found: bool) -> tuple[Fit, dict[str, ParameterVector]]:
     return _of_stages(folder / "stages", found)
 
 
+def guess(folder: Path) -> Array | None:
+    """Where the coordinates of a trace's fits start, (P,); None where that is the model as it is."""
+    for path, name in ((folder / "stages" / f"{STAGE}.npz", "numbers"), (folder / FILE, "guess")):
+        arrays = stored.read_arrays(path, _AGAIN) if path.is_file() else {}
+        if name in arrays:
+            size = Numbers((arrays[name].size,))
+            return stored.require_arrays({name: arrays[name]}, {name: size}, str(path), _AGAIN)[
+                name
+            ]
+    return None
+
+
 def _of_file(path: Path) -> tuple[Fit, dict[str, ParameterVector]]:
     arrays = stored.read_arrays(path, _AGAIN)
     single = stored.json_in(arrays, "single", dict[str, tuple[Number, ...]], str(path), _AGAIN)
@@ -56,7 +73,7 @@ def _of_file(path: Path) -> tuple[Fit, dict[str, ParameterVector]]:
         "slope": np.zeros((free, used, 0)),
         "residual": np.zeros((used, 0)),
     }
-    last = fit_in(path, {k: v for k, v in arrays.items() if k not in ("single", "used")})
+    last = fit_in(path, {k: v for k, v in arrays.items() if k not in ("single", "used", "guess")})
     return last, _points(last, {name: np.array(values) for name, values in single.items()})
 
 

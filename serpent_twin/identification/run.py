@@ -20,6 +20,7 @@ from serpent_twin.identification.build_diagnosis import build_diagnosis
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.diagnosis import Diagnosis
+from serpent_twin.identification.first_guess import guessed
 from serpent_twin.identification.first_picture import begin_report
 from serpent_twin.identification.fitting.uncertainty import drawn
 from serpent_twin.identification.kept_fit import keep
@@ -205,6 +206,7 @@ def run(
         if shown:
             progress.say(begin_report(before, config.out, f"What the twin of {arm} lacks"))
         notes = Checkpoints(config.out / "stages", case.clock)
+        case = guessed(case, training, progress.step, notes.numbers)
         kind = ComposingTracer if config.discover and case.composes else RefittingTracer
         tracer = kind(
             case,

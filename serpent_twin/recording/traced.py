@@ -72,6 +72,8 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     names = [n for n in hashes if n not in held] if isinstance(held, list) else [*hashes][:-held]
     training = [sessions[each] for each in names]
     case = rig.open(training)
+    if (guess := kept_fit.guess(folder)) is not None:
+        case = case.starting(ParameterVector(guess))
     fit, fitted = kept_fit.fits(folder, bool(diagnosis["effects"]))
     several = {n: v for each in (fit.point, *fitted.values()) for n, v in each.effects.items()}
     case = with_laws(replace(case, noise=fit.noise), several)

@@ -1,6 +1,7 @@
 """Test that candidates, and numbers far off, compete with calibration where nothing is calibrated yet."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from example import Example
 from linear_case import GUST, NOTHING, START, LinearCase, case, every
 
+from serpent_twin.identification import from_opening
 from serpent_twin.identification.acceptance import CandidateTrial
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import opening_fit
@@ -18,8 +20,9 @@ from serpent_twin.identification.fitting.uncertainty import drawn
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.moved import moved
 from serpent_twin.identification.refitting import RefittingTracer
-from serpent_twin.identification.score_test import scores
+from serpent_twin.identification.score_test import Score, scores
 from serpent_twin.identification.widened import leaving
+from serpent_twin.machines.candidate import candidate
 from serpent_twin.machines.machine import Declared
 from serpent_twin.machines.model import open_machine
 
@@ -180,3 +183,33 @@ def test_a_mass_far_from_what_was_built_is_a_payload(tmp_path, tool, named):
     assert abs(selection.final.point.declared[k]) < 0.2
     if named:
         assert selection.final.point.effects["payload@tip"][0] == pytest.approx(0.3, abs=0.06)
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.9, 1), (0.5, 0)])
+def test_variants_that_no_fit_changes_into_each_other_are_fitted_each(monkeypatch, share, count):
+    """Where they remove nearly as much: friction by the cables' bend beside that of all, at one strand."""
+    known = candidate("cable_friction")
+    values = known.variants[1].copy()
+    values[list(known.ranges).index("strand")] = 4.0
+    score = Score("cable_friction", 0.1, 1.0, values, tried=values)
+    made = SimpleNamespace(candidates={"cable_friction": known})
+    tested: list[np.ndarray] = []
+
+    def told(case, pieces, base, several):
+        tested.extend(several[0].variants)
+        return [replace(score, share=share * score.share, tried=several[0].variants[0])]
+
+    monkeypatch.setattr(from_opening, "scores", told)
+    trials = SimpleNamespace(notes=SimpleNamespace(scores=lambda _, make: make()), training=None)
+    found = from_opening._others(trials, made, None, score, "1_start")
+    assert len(found) == count
+    (other,) = tested
+    by = dict(zip(known.ranges, other, strict=True))
+    assert by["by_bend"] == 0 and by["strand"] == 4 and by["coefficient"] == known.variants[0][0]
+
+
+def test_a_candidate_of_one_kind_has_no_others():
+    known = candidate("payload")
+    score = Score("payload", 0.1, 1.0, known.variants[0], tried=known.variants[0])
+    made = SimpleNamespace(candidates={"payload": known})
+    assert from_opening._others(SimpleNamespace(), made, None, score, "1_start") == []

@@ -1,0 +1,56 @@
+"""Guess where a fit starts, from what a row of a motion says of the next.
+
+A simulation of one row cannot go astray, however far off a model is: multiple shooting with the shortest
+segments. Source: Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.least_squares import OnProgress, fit
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.tables.log import Log
+
+STAGE = "first_guess"
+"""Name of its stage"""
+_ROUNDS = 3
+"""Times that channels are weighed anew"""
+
+
+def guessed(
+    case: Case[Any],
+    training: Sequence[Log],
+    on_progress: OnProgress,
+    kept: Callable[[str, int, Callable[[], Array]], Array] = lambda _, __, make: make(),
+) -> Case[Any]:
+    """The case whose zeros are a first guess, as `kept` has it by a name, where its machine has short
+    segments of the training logs and the guess leaves less of some usual ones than its model as it is.
+    """
+    short = case.shortest(training)
+    if short is None:
+        return case
+
+    def made() -> Array:
+        return _guess(case, training, short, on_progress)
+
+    return case.starting(ParameterVector(kept(STAGE, len(case.declared), made)))
+
+
+def _guess(case: Case[Any], training: Sequence[Log], short: Any, on_progress: OnProgress) -> Array:
+    """Declared coordinates, (P,); zeros where they leave more than the model as it is."""
+    point, free = ParameterVector.nominal(case.declared), free_parameters(case, ())
+    points, guess = [point], case
+    for n in range(1, _ROUNDS + 1):
+        on_progress(f"first guess from row to row, {n} of {_ROUNDS}")
+        guess = guess.reweighted(point, short)
+        found = fit(guess, short, point, free, 1, len(short), used=range(len(short)))
+        point, guess = found.point, replace(guess, noise=found.noise)
+    points.append(point)
+    pieces = case.pieces(training)
+    some = case.take(pieces, range(0, len(pieces), -(-len(pieces) // case.segments[0])))
+    cost = (case.residual(points, some).astype(float) ** 2).sum(axis=(1, 2))
+    return points[int(cost[1] < cost[0])].declared

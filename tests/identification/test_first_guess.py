@@ -1,0 +1,92 @@
+"""Test first guesses of a machine whose joints are seen by sites alone, against an independent motion."""
+
+from pathlib import Path
+
+import moving_models
+import numpy as np
+import pytest
+from example import opened, table
+from posed_models import places
+
+from serpent_twin.identification.first_guess import guessed
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.model import open_machine
+
+SEEN = """
+[[measured]]
+site = "elbow"
+columns = ["ex", "ey", "ez"]
+unit = "m"
+cameras = false
+noise = 0.0003
+
+[[measured]]
+site = "tip"
+columns = ["x", "y", "z"]
+unit = "m"
+cameras = false
+noise = 0.0003
+"""
+
+
+def seen(folder: Path, seed: int) -> Path:
+    """A log of the sites in place of the angles, with noise of 0.3 mm."""
+    rows = np.loadtxt(moving_models.log(folder / "angles.csv", seed), delimiter=",", skiprows=1)
+    at = np.array([places(angles) for angles in rows[:, 3:5]]).reshape(len(rows), 6)
+    at += 3e-4 * np.random.default_rng(seed).standard_normal(at.shape)
+    (folder / "angles.csv").unlink()
+    log = np.c_[rows[:, :3], at]
+    return table(folder / "seen.csv", "t,goal_1,goal_2,ex,ey,ez,x,y,z", log, 7)
+
+
+def machine(folder: Path, gain: float = 4.0, damping: float = 0.15) -> Path:
+    """The machine, its motors of some gain [N m/rad] and its joints of some damping [N m s/rad]."""
+    path = moving_models.machine(folder)
+    about = path.read_text().partition("[[measured]]")[0]
+    path.write_text(about + SEEN)
+    model = folder / "arm.xml"
+    text = model.read_text().replace('kp="4"', f'kp="{gain}"')
+    text = text.replace('damping="0.15"', f'damping="{damping}"')
+    model.write_text(
+        text.replace('<body name="lower"', '<site name="elbow" pos="0.3 0 0"/><body name="lower"')
+    )
+    return path
+
+
+def left(case, pieces):
+    """What the twin at zero leaves, rms [mm]."""
+    off = case.machine.respond([opened_at(case)], pieces)[0] - pieces.measured
+    return 1e3 * float(np.sqrt(np.nanmean(off**2)))
+
+
+def opened_at(case):
+    """The point of zeros."""
+    return ParameterVector.nominal(case.declared)
+
+
+def test_a_guess_comes_near_from_far_off(tmp_path):
+    """Motors four times as stiff and joints five times as damped as the model has them."""
+    log = seen(tmp_path, 1)
+    path = machine(tmp_path / "machine", gain=1.0, damping=0.03)
+    case, pieces, _ = opened(path, log)
+    said: list[str] = []
+    found = guessed(case, open_machine(path).read(log), said.append)
+    assert left(case, pieces) > 30 and left(found, pieces) < 3
+    gain = next(q for q in found.quantities if q.name.startswith("actuator gain"))
+    assert gain.start == pytest.approx(4.0, rel=0.25) and gain.nominal == pytest.approx(1.0)
+    assert len(said) == 3
+
+
+def test_what_is_compared_without_a_point_is_the_model_as_it_is(tmp_path):
+    log = seen(tmp_path, 2)
+    path = machine(tmp_path / "machine", gain=2.0)
+    case, pieces, _ = opened(path, log)
+    found = guessed(case, open_machine(path).read(log), lambda _: None)
+    was, now = (each.compare(None, pieces).marker_predicted for each in (case, found))
+    np.testing.assert_array_equal(now, was)
+    assert (found.compare(opened_at(found), pieces).marker_predicted != was).any()
+
+
+def test_machines_whose_joints_are_read_start_at_their_model(tmp_path):
+    case, _, _ = moving_models.opened(tmp_path, 1)
+    assert guessed(case, [], lambda _: None) is case
