@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import mujoco
 import numpy as np
-from msgspec import field
 
 from serpent_twin import effects, stored
 from serpent_twin.arm import mjcf
@@ -22,6 +21,8 @@ from serpent_twin.effects import Effect, Several
 from serpent_twin.engine import friction_softness
 from serpent_twin.errors import SerpentError
 from serpent_twin.runs import files
+from serpent_twin.sim import from_machine
+from serpent_twin.sim.from_machine import Origin
 
 KIND = "serpent_twin design"
 """What twin.json says it is."""
@@ -123,15 +124,6 @@ class TwinModel:
 NOMINAL_TWIN = TwinModel()
 
 
-class Origin(stored.OpenForm, frozen=True):
-    """The logs that a twin was fitted to, as `trace` states them."""
-
-    input_sha256: dict[str, str] = field(default_factory=dict)
-    """Of each session's file, by its name"""
-    held_out: Annotated[int, stored.within(0, 1_000_000)] | tuple[str, ...] = 0
-    """How many of the last sessions judged, or which ones"""
-
-
 class TwinFile(stored.Form, frozen=True):
     """What twin.json holds."""
 
@@ -200,6 +192,8 @@ def read_file(path: Path) -> TwinFile:
 
 
 def _taken(values: dict[str, Any], where: str) -> TwinFile:
+    if isinstance(values, dict) and values.get("kind") == from_machine.KIND:
+        return _of_machine(from_machine.machine_file(values, where, _ADVICE))
     stored.require_kind(values, KIND, where, _ADVICE)
     if "schema_version" not in values:
         values = _of_version_2(values)
@@ -207,6 +201,23 @@ def _taken(values: dict[str, Any], where: str) -> TwinFile:
         if values["schema_version"] == version:
             values = _completed(values, added) | {"schema_version": version + 1}
     return stored.take(values, TwinFile, where, _ADVICE)
+
+
+def _of_machine(found: from_machine.MachineFile) -> TwinFile:
+    """What a twin.json of model/machine.toml says of the arm."""
+    sticks = TwinModel(found.parameters, found.tolerances)
+    creep = found.creep(sticks.spec(motors=False).compile())
+    usual = float(np.median(creep))
+    apart = tuple(np.log(creep / usual).tolist()) if usual else EXACT.transition_velocity
+    return TwinFile(
+        KIND,
+        VERSION,
+        replace(found.parameters, transition_velocity=usual),
+        replace(found.tolerances, transition_velocity=apart),
+        found.effects,
+        found.arm,
+        found.provenance,
+    )
 
 
 def _of_version_2(values: dict[str, Any]) -> dict[str, Any]:
