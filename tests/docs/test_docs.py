@@ -57,7 +57,7 @@ def taken(name):
     """Options that the help of a command lists."""
     done = typed(*name, "--help")
     assert done.returncode == 0, done.stderr
-    return set(re.findall(r"--[a-z][a-z-]*", done.stdout))
+    return set(re.findall(r"--[a-z][a-z0-9-]*", done.stdout))
 
 
 def test_the_site_builds_without_a_warning(tmp_path):

@@ -29,6 +29,7 @@ NOT_RUN = {
     "python -m serpent_twin.sweep --cluster": "tests/reservoir/test_sweep_workers.py",
     "python -m experiments.": "hours; tests/docs/test_docs.py tests that they take these options",
     "python -m bench_arm": "tests/bench_arm/test_bench_arm.py",
+    "python -m benchmarks.": "minutes; make bench",
     "python -m serpent_twin.check": "exits 1 on few logs; tests/identification/test_check.py",
     "python -m serpent_twin ": "starts any command; tests/command_line/test_program.py",
     "python -m serpent_twin.trace --help": "tests/command_line/test_program.py",
