@@ -8,13 +8,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from serpent_twin.arrays import Array
+from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import OnProgress, fit
+from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.tables.log import Log
 
+_SILENT, _AWAY = 1e-2, (-2.0, -1.0, 1.0, 2.0)
+"""Change of a residual by a width of a number's prior below which a derivative says nothing of it, such as of
+friction near rest where joints stick; and widths by which it is then tried
+"""
 STAGE = "first_guess"
 """Name of its stage"""
 _ROUNDS = 3
@@ -48,9 +56,26 @@ def _guess(case: Case[Any], training: Sequence[Log], short: Any, on_progress: On
         on_progress(f"first guess from row to row, {n} of {_ROUNDS}")
         guess = guess.reweighted(point, short)
         found = fit(guess, short, point, free, 1, len(short), used=range(len(short)))
-        point, guess = found.point, replace(guess, noise=found.noise)
+        point, guess = _elsewhere(guess, short, found), replace(guess, noise=found.noise)
     points.append(point)
     pieces = case.pieces(training)
     some = case.take(pieces, range(0, len(pieces), -(-len(pieces) // case.segments[0])))
     cost = (case.residual(points, some).astype(float) ** 2).sum(axis=(1, 2))
     return points[int(cost[1] < cost[0])].declared
+
+
+def _elsewhere(case: Case[Any], short: Any, found: Fit) -> ParameterVector:
+    """A fit's point, or the best of those in which one number of which no derivative says anything is away
+    from there.
+    """
+    priors = np.array([each.prior for each in case.declared])
+    shown = np.linalg.norm(found.jacobian.reshape(len(priors), -1), axis=1) * priors
+    silent = np.flatnonzero(shown < _SILENT)
+    steps = [by * priors[n] * np.eye(len(priors))[n] for n in silent for by in _AWAY]
+    points = [found.point, *(found.point.after(step) for step in steps)]
+    residuals = case.residual(points, short)
+    costs = [
+        cost_at(case, *each, found.variance_inflation)
+        for each in zip(points, residuals, strict=True)
+    ]
+    return points[int(np.nanargmin(costs))]

@@ -1,6 +1,7 @@
 """Test first guesses of a machine whose joints are seen by sites alone, against an independent motion."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import moving_models
 import numpy as np
@@ -8,8 +9,8 @@ import pytest
 from example import opened, table
 from posed_models import places
 
-from serpent_twin.identification.first_guess import guessed
-from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.identification.first_guess import _elsewhere, guessed
+from serpent_twin.machines.machine import Declared, ParameterVector
 from serpent_twin.machines.model import open_machine
 
 SEEN = """
@@ -90,3 +91,26 @@ def test_what_is_compared_without_a_point_is_the_model_as_it_is(tmp_path):
 def test_machines_whose_joints_are_read_start_at_their_model(tmp_path):
     case, _, _ = moving_models.opened(tmp_path, 1)
     assert guessed(case, [], lambda _: None) is case
+
+
+@pytest.mark.parametrize(("goal", "expected"), [(-2.0, -6.0), (1.0, 3.0), (None, 0.0)])
+def test_a_number_of_which_no_derivative_says_anything_is_tried_elsewhere(goal, expected):
+    """It shows near the goal alone, in widths of its prior; the other number is at its best already."""
+    declared = [Declared("speaks", "1", 1.0, 0.1), Declared("silent", "1", 3.0, 0.1)]
+
+    def residual(points, _):
+        near = [goal is not None and abs(p.declared[1] - 3 * goal) < 1 for p in points]
+        return np.array(
+            [
+                [[4.0 * (not each), p.declared[0] - 0.5]]
+                for each, p in zip(near, points, strict=True)
+            ]
+        )
+
+    found = SimpleNamespace(
+        point=ParameterVector(np.array([0.5, 0.0])),
+        jacobian=np.array([[[0.0, 1.0]], [[0.0, 0.0]]]),
+        variance_inflation=1.0,
+    )
+    case = SimpleNamespace(declared=declared, residual=residual)
+    assert _elsewhere(case, None, found).declared == pytest.approx([0.5, expected])
