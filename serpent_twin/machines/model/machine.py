@@ -107,7 +107,11 @@ class ModelMachine(MachineOfColumns):
 
     @property
     def weak_rounds(self) -> int:
-        """Fewer for motions, and for many joints: a round takes some seventy simulations of all segments."""
+        """Fewer for motions, and for many joints: a round takes some seventy simulations of all segments;
+        none where derivatives follow from one motion: they tell of a weak direction what its dynamics do.
+        """
+        if len(self.coordinates) > MANY:
+            return 0
         if self.described.about.rows == MOTION:
             return _ROUNDS_IN_MOTION
         return _ROUNDS[self.described.model.nv > _MANY]
