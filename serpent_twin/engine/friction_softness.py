@@ -39,6 +39,13 @@ def softness(
     return softness_of(quick, time)
 
 
+def transition_of(friction: Array, inverse_inertia: Array, quick: Array) -> Array:
+    """Transition velocities [rad/s] of friction constraints whose (1 − d) τ is given [s], as `softness` has
+    them.
+    """
+    return friction * inverse_inertia * quick / 2
+
+
 def softness_of(quick: Array, time: Array | float = USUAL) -> tuple[Array, Array]:
     """Time constants τ [s] and impedances d [1] of friction constraints whose (1 − d) τ is given [s], with a
     time constant that is no shorter than a given one.

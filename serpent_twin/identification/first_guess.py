@@ -13,7 +13,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import free_parameters
-from serpent_twin.identification.fitting.least_squares import OnProgress, fit
+from serpent_twin.identification.fitting.least_squares import OnProgress, fit, spread
 from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -45,23 +45,22 @@ def guessed(
     def made() -> Array:
         return _guess(case, training, short, on_progress)
 
-    return case.starting(ParameterVector(kept(STAGE, len(case.declared), made)))
+    return case.starting(kept(STAGE, len(case.declared), made))
 
 
 def _guess(case: Case[Any], training: Sequence[Log], short: Any, on_progress: OnProgress) -> Array:
     """Declared coordinates, (P,); zeros where they leave more than the model as it is."""
-    point, free = ParameterVector.nominal(case.declared), free_parameters(case, ())
-    points, guess = [point], case
+    nominal = point = ParameterVector.nominal(case.declared)
+    guess, free = case, free_parameters(case, ())
     for n in range(1, _ROUNDS + 1):
         on_progress(f"first guess from row to row, {n} of {_ROUNDS}")
         guess = guess.reweighted(point, short)
         found = fit(guess, short, point, free, 1, len(short), used=range(len(short)))
         point, guess = _elsewhere(guess, short, found), replace(guess, noise=found.noise)
-    points.append(point)
     pieces = case.pieces(training)
-    some = case.take(pieces, range(0, len(pieces), -(-len(pieces) // case.segments[0])))
-    cost = (case.residual(points, some).astype(float) ** 2).sum(axis=(1, 2))
-    return points[int(cost[1] < cost[0])].declared
+    some = case.take(pieces, spread(len(pieces), case.segments[0]))
+    cost = (case.residual([nominal, point], some).astype(float) ** 2).sum(axis=(1, 2))
+    return (point if cost[1] < cost[0] else nominal).declared
 
 
 def _elsewhere(case: Case[Any], short: Any, found: Fit) -> ParameterVector:
@@ -71,6 +70,8 @@ def _elsewhere(case: Case[Any], short: Any, found: Fit) -> ParameterVector:
     priors = np.array([each.prior for each in case.declared])
     shown = np.linalg.norm(found.jacobian.reshape(len(priors), -1), axis=1) * priors
     silent = np.flatnonzero(shown < _SILENT)
+    if not silent.size:
+        return found.point
     steps = [by * priors[n] * np.eye(len(priors))[n] for n in silent for by in _AWAY]
     points = [found.point, *(found.point.after(step) for step in steps)]
     residuals = case.residual(points, short)

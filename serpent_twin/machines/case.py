@@ -144,10 +144,10 @@ class Case(Generic[P]):
         machine: Any = self.machine
         return machine.shortest(sessions) if hasattr(machine, "shortest") else None
 
-    def starting(self, point: ParameterVector) -> "Case[P]":
-        """The case whose zeros are the declared parameters of a point."""
+    def starting(self, declared: Array) -> "Case[P]":
+        """The case whose zeros are some values of the declared parameters, (P,)."""
         machine: Any = self.machine
-        return replace(self, machine=machine.starting(point.declared))
+        return replace(self, machine=machine.starting(declared))
 
     def take(self, pieces: P, which: Sequence[int]) -> P:
         """Some of the segments."""

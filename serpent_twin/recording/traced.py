@@ -73,7 +73,7 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     training = [sessions[each] for each in names]
     case = rig.open(training)
     if (guess := kept_fit.guess(folder)) is not None:
-        case = case.starting(ParameterVector(guess))
+        case = case.starting(guess)
     fit, fitted = kept_fit.fits(folder, bool(diagnosis["effects"]))
     several = {n: v for each in (fit.point, *fitted.values()) for n, v in each.effects.items()}
     case = with_laws(replace(case, noise=fit.noise), several)

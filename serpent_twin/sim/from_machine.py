@@ -5,6 +5,7 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import Annotated, Any
 
+import mujoco
 import numpy as np
 import scipy
 from msgspec import field
@@ -12,12 +13,12 @@ from msgspec import field
 from serpent_twin import effects, stored
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import Deviations
-from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS
+from serpent_twin.arm.geometry import ARM, N_JOINTS
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Several
-from serpent_twin.effects.named import MotorLatency
-from serpent_twin.engine.friction_softness import STICKS, USUAL
+from serpent_twin.engine.friction_softness import STICKS, USUAL, transition_of
+from serpent_twin.sim.reading_age import without_age
 
 KIND = "serpent"
 """Name of the arm's machine.toml"""
@@ -77,17 +78,19 @@ class MachineFile(stored.OpenForm, frozen=True):
     @property
     def parameters(self) -> Parameters:
         """Those of all parts of a kind."""
-        age = sum(each.delay for each in self.several if isinstance(each, MotorLatency))
-        moved = [value for name, value in self.noise.items() if name.startswith("marker")]
-        load = [value for name, value in self.noise.items() if name.endswith("load")]
+        marker = self._left("marker*", NOMINAL.marker_noise)
+        load = self._left("motor*_load", ARM.servo.stall_torque * NOMINAL.load_noise)
         return replace(
             NOMINAL,
-            servo_lag=max(0.0, self.lag - age),
-            marker_noise=float(np.median(moved)) if moved else NOMINAL.marker_noise,
-            load_noise=float(np.median(load)) / ARM.servo.stall_torque
-            if load
-            else NOMINAL.load_noise,
+            servo_lag=without_age(self.lag, self.several),
+            marker_noise=marker,
+            load_noise=load / ARM.servo.stall_torque,
         )
+
+    def _left(self, columns: str, unknown: float) -> float:
+        """The median of what the twin leaves of columns of some name; if that is not stated, as given."""
+        left = [value for name, value in self.noise.items() if fnmatchcase(name, columns)]
+        return float(np.median(left)) if left else unknown
 
     @property
     def tolerances(self) -> Deviations:
@@ -106,7 +109,7 @@ class MachineFile(stored.OpenForm, frozen=True):
             joint_friction=_floats(of("joint friction", joints)),
             jaw_friction=_floats(of("joint friction", ("jaw",))),
             joint_damping=_floats(of("joint damping", joints)),
-            gear_friction=_floats(of("joint friction", motors)[:N_MOTORS]),
+            gear_friction=_floats(of("joint friction", motors)),
             marker=_floats(1e-3 * places),
             link_length=_floats(longer),
             link_mass=_floats(of("mass", _LINKS)),
@@ -128,14 +131,14 @@ class MachineFile(stored.OpenForm, frozen=True):
     def _own(self, name: str) -> float:
         return self.declared[name].value if name in self.declared else 0.0
 
-    def creep(self, model: Any) -> Array:
+    def creep(self, model: mujoco.MjModel) -> Array:
         """Velocities below which the hinges of a model creep that has all else of this twin [rad/s], (9,);
         zeros where they stick.
         """
         more = self.total("friction near rest", mjcf.JOINTS)
         dof = [int(model.joint(name).dofadr[0]) for name in mjcf.JOINTS]
         quick = (1 - STICKS) * USUAL * np.exp(-more)
-        velocity = model.dof_frictionloss[dof] * model.dof_invweight0[dof] * quick / 2
+        velocity = transition_of(model.dof_frictionloss[dof], model.dof_invweight0[dof], quick)
         return np.where(more != 0, velocity, 0.0)
 
 

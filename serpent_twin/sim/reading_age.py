@@ -1,10 +1,19 @@
 """Bring markers and motors' readings of different age together."""
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect
+from serpent_twin.effects.named import MotorLatency
+
+
+def without_age(lag: float, effects: Sequence[Effect]) -> float:
+    """The servos' lag [s] of one that logs show, of which the age of late readings is a part."""
+    age = sum(effect.delay for effect in effects if isinstance(effect, MotorLatency))
+    return max(0.0, lag - age)
 
 
 class MarkersAfter:

@@ -13,21 +13,15 @@ from serpent_twin.identification.first_guess import _elsewhere, guessed
 from serpent_twin.machines.machine import Declared, ParameterVector
 from serpent_twin.machines.model import open_machine
 
-SEEN = """
+SITE = """
 [[measured]]
-site = "elbow"
-columns = ["ex", "ey", "ez"]
-unit = "m"
-cameras = false
-noise = 0.0003
-
-[[measured]]
-site = "tip"
-columns = ["x", "y", "z"]
+site = "{}"
+columns = {}
 unit = "m"
 cameras = false
 noise = 0.0003
 """
+SEEN = SITE.format("elbow", ["ex", "ey", "ez"]) + SITE.format("tip", ["x", "y", "z"])
 
 
 def seen(folder: Path, seed: int) -> Path:
@@ -54,25 +48,20 @@ def machine(folder: Path, gain: float = 4.0, damping: float = 0.15) -> Path:
     return path
 
 
-def left(case, pieces):
-    """What the twin at zero leaves, rms [mm]."""
-    off = case.machine.respond([opened_at(case)], pieces)[0] - pieces.measured
+def left(case, pieces, at):
+    """What a twin leaves, rms [mm]."""
+    off = case.machine.respond([at], pieces)[0] - pieces.measured
     return 1e3 * float(np.sqrt(np.nanmean(off**2)))
-
-
-def opened_at(case):
-    """The point of zeros."""
-    return ParameterVector.nominal(case.declared)
 
 
 def test_a_guess_comes_near_from_far_off(tmp_path):
     """Motors four times as stiff and joints five times as damped as the model has them."""
     log = seen(tmp_path, 1)
     path = machine(tmp_path / "machine", gain=1.0, damping=0.03)
-    case, pieces, _ = opened(path, log)
+    case, pieces, zeros = opened(path, log)
     said: list[str] = []
     found = guessed(case, open_machine(path).read(log), said.append)
-    assert left(case, pieces) > 30 and left(found, pieces) < 3
+    assert left(case, pieces, zeros) > 30 and left(found, pieces, zeros) < 3
     gain = next(q for q in found.quantities if q.name.startswith("actuator gain"))
     assert gain.start == pytest.approx(4.0, rel=0.25) and gain.nominal == pytest.approx(1.0)
     assert len(said) == 3
@@ -81,11 +70,11 @@ def test_a_guess_comes_near_from_far_off(tmp_path):
 def test_what_is_compared_without_a_point_is_the_model_as_it_is(tmp_path):
     log = seen(tmp_path, 2)
     path = machine(tmp_path / "machine", gain=2.0)
-    case, pieces, _ = opened(path, log)
+    case, pieces, zeros = opened(path, log)
     found = guessed(case, open_machine(path).read(log), lambda _: None)
     was, now = (each.compare(None, pieces).marker_predicted for each in (case, found))
     np.testing.assert_array_equal(now, was)
-    assert (found.compare(opened_at(found), pieces).marker_predicted != was).any()
+    assert (found.compare(zeros, pieces).marker_predicted != was).any()
 
 
 def test_machines_whose_joints_are_read_start_at_their_model(tmp_path):

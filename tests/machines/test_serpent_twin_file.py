@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from serpent_twins import STALL, STEPS, serpent
+from serpent_twins import STALL, serpent
 
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.cable_friction import CableFriction
@@ -12,7 +12,6 @@ from serpent_twin.effects.named import MotorLatency
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.many_twins import impose
 
 KINDS = ("tendon stiffness", "tendon slack", "joint friction", "friction near rest", "joint damping",
          "mass", "joint axis", "body x", "site", "cameras", "")  # fmt: skip
@@ -40,13 +39,6 @@ def written(arm, point, folder):
     return twin_model.read_file(path)
 
 
-def by_itself(arm, design):
-    """By the arm's own engine."""
-    did = impose([design], arm.motion, float(np.median(arm.pieces.period)) / STEPS)
-    marker = np.asarray(did.marker)[0].reshape(*arm.turns.shape[:2], 27)
-    return np.concatenate([marker, STALL * np.asarray(did.load)[0]], axis=-1)
-
-
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind or "all")
 def test_each_kind_of_number_comes_over(arm, kind, tmp_path):
     """Markers within 0.05 mm, loads within 0.1 % of the stall torque, in the mean; all moved by more."""
@@ -54,7 +46,7 @@ def test_each_kind_of_number_comes_over(arm, kind, tmp_path):
     design = written(arm, point, tmp_path).design
     assert design != twin_model.NOMINAL_TWIN
     shown = arm.machine.respond([point], arm.pieces)[0]
-    apart = np.abs(shown - by_itself(arm, design))
+    apart = np.abs(shown - arm.of_design(design))
     assert apart[..., :27].mean() < 5e-5 and apart[..., 27:][arm.turns].mean() < 1.5e-3
     nominal = arm.machine.respond([ParameterVector.nominal(arm.machine.declared)], arm.pieces)[0]
     assert np.abs(shown - nominal).mean() > 2 * apart.mean()

@@ -63,10 +63,14 @@ class Serpent:
 
     def by_itself(self, *there):
         """By the arm's own engine."""
-        remembers = any(each.remembers for each in there)
+        return self.of_design(TwinModel(effects=there))
+
+    def of_design(self, design):
+        """A twin model by the arm's own engine."""
+        remembers = any(each.remembers for each in design.effects)
         motion = replace(self.motion, past=self.past if remembers else None)
         period = float(np.median(self.pieces.period))
-        did = impose([TwinModel(effects=there)], motion, period / STEPS)
+        did = impose([design], motion, period / STEPS)
         marker = np.asarray(did.marker)[0].reshape(*self.turns.shape[:2], 27)
         return np.concatenate([marker, STALL * np.asarray(did.load)[0]], axis=-1)
 

@@ -8,14 +8,13 @@ import numpy as np
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.kinematic_calibration import PRIORS, Kinematics
-from serpent_twin.arm.parameters import NOMINAL, Parameters
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect
-from serpent_twin.effects.named import MotorLatency
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.machine import Declared, ParameterVector, by_coordinate, effects_at
+from serpent_twin.sim.reading_age import without_age
 from serpent_twin.sim.twin_model import TwinModel
 
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
@@ -110,14 +109,9 @@ class Vector:
             camera_pose=_plus(t.camera_pose, 1e-3 * np.r_[x["camera_shift"], x["camera_turn"]]),
         )
         effects = effects_at(point)
-        parameters = self._without_age(effects)
-        return replace(self.start, parameters=parameters, tolerances=tolerances, effects=effects)
-
-    def _without_age(self, effects: Sequence[Effect]) -> Parameters:
-        """The start's parameters; of the servos' lag, as logs show it, the age of their readings is none."""
-        age = sum(effect.delay for effect in effects if isinstance(effect, MotorLatency))
         known = self.start.parameters
-        return replace(known, servo_lag=max(0.0, known.servo_lag - age)) if age else known
+        parameters = replace(known, servo_lag=without_age(known.servo_lag, effects))
+        return replace(self.start, parameters=parameters, tolerances=tolerances, effects=effects)
 
 
 def _plus(nominal: Sequence[float], change: Array) -> tuple[float, ...]:

@@ -68,7 +68,7 @@ class FittedNumber:
     """Of which of its things"""
 
     def guessed(self, guess: Mapping[str, float]) -> "FittedNumber":
-        """The same whose quantity starts at a first guess of the coordinates, by name."""
+        """A coordinate whose quantity starts at a first guess of all coordinates, by name."""
         if not guess:
             return self
         start = self.quantity.after(sum(guess.get(name, 0.0) for name in self.quantity.of))

@@ -45,8 +45,8 @@ def worthwhile(
     pieces: Segments,
     noise: Array,
 ) -> dict[str, Array]:
-    """Derivatives of what is measured of a twin at a point, (S, T, C) each, as far as one motion tells them;
-    none where simulations are quicker, or disagree with them by the noise of each channel, (C,).
+    """Derivatives of a twin's channels at a point, (S, T, C) each, that one motion tells; none where
+    simulations are quicker, or disagree with them by the noise of each channel, (C,).
     """
     if len(declared) * twin.steps < _MIN_STEPS:
         return {}

@@ -129,13 +129,12 @@ class ModelMachine(MachineOfColumns):
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """The physical quantity of each coordinate."""
-        return tuple(each.quantity for each in self._free)
+        return tuple(each.guessed(self.guess).quantity for each in self._free)
 
     @property
     def _free(self) -> list[FittedNumber]:
         """The coordinates that are fitted."""
-        free = self.before.free(self.described, self.coordinates)
-        return [each.guessed(self.guess) for each in free]
+        return self.before.free(self.described, self.coordinates)
 
     @property
     def error_before_change(self) -> float:
