@@ -103,14 +103,19 @@ class ModelMachine(MachineOfColumns):
         """Few where a derivative is one more simulation for each free parameter, side by side; many where it
         follows from one motion, which takes as long as several simulations.
         """
-        return _STEPS[len(self.coordinates) > MANY]
+        return _STEPS[self._along_one_motion]
+
+    @property
+    def _along_one_motion(self) -> bool:
+        """Whether derivatives follow from one motion, however right they are."""
+        return self.described.about.rows == MOTION and len(self.coordinates) > MANY
 
     @property
     def weak_rounds(self) -> int:
         """Fewer for motions, and for many joints: a round takes some seventy simulations of all segments;
         none where derivatives follow from one motion: they tell of a weak direction what its dynamics do.
         """
-        if len(self.coordinates) > MANY:
+        if self._along_one_motion:
             return 0
         if self.described.about.rows == MOTION:
             return _ROUNDS_IN_MOTION
