@@ -56,30 +56,88 @@ class RowMotion:
             state = self.goes_on[:, t] @ state
         return out
 
-    def adjoint(self, weighed: Array) -> Array:
-        """Derivative of the sum of the prediction times weights, (S, T, C), by the state of the row after
-        each row, (S, T, D).
+    def adjoint(self, weighed: Array) -> tuple[Array, Array]:
+        """Derivative of the sum of the prediction times weights, (…, S, T, C), by the state of the row after
+        each row, (…, S, T, D); and the weights with what a first state that is chosen by the prediction adds
+        to those of the first rows.
         """
-        S, T, _, D = self.shows.shape
-        out, later = np.zeros((S, T, D)), np.zeros((S, D))
+        later, first = self._later(weighed)
+        if self.adapts is None:
+            return later, weighed
+        weighed, lead = weighed.copy(), self.adapts.shape[2]
+        weighed[..., :lead, :] += np.einsum("sdlc,...sd->...slc", self.adapts, first)
+        return self._later(weighed)[0], weighed
+
+    def _later(self, weighed: Array) -> tuple[Array, Array]:
+        """The same where the first state is what it is, and the derivative by the first state, (…, S, D)."""
+        T, _, D = self.shows.shape[1:]
+        out, later = np.zeros((*weighed.shape[:-1], D)), np.zeros((*weighed.shape[:-2], 1, D))
         for t in reversed(range(T)):
-            out[:, t] = later
-            own = np.einsum("scd,sc->sd", self.shows[:, t], weighed[:, t])
-            later = np.einsum("sed,se->sd", self.goes_on[:, t], later) + own
-        return out
+            out[..., t, :] = later[..., 0, :]
+            later = later @ self.goes_on[:, t] + weighed[..., t, None, :] @ self.shows[:, t]
+        return out, later[..., 0, :]
 
     def driven(self, pushes: Array, own: Array) -> Array:
         """Changes of the prediction, (n, S, T, C), by pushes on the state of the row after each row,
         (n, S, T, D), and by what shows in the row itself, (n, S, T, C).
         """
-        n, S, D = *pushes.shape[:2], pushes.shape[3]
-        begun = np.zeros((S, n, D), np.float32)
+        if self.adapts is None:
+            n, S, D = *pushes.shape[:2], pushes.shape[3]
+            return self._rows(np.zeros((S, n, D), np.float32), pushes, own)
+        lead = self.adapts.shape[2]
+        return self._rows(self._begun(pushes[:, :, :lead], own[:, :, :lead]), pushes, own)
+
+    def _begun(self, pushes: Array, own: Array) -> Array:
+        """First states, (S, n, D), that follow what is read in the first rows, of pushes, (n, S, L, D), and
+        what shows, (n, S, L, C).
+        """
+        assert self.adapts is not None
+        n, S, _, D = pushes.shape
+        read = self._rows(np.zeros((S, n, D), np.float32), pushes, own)
+        flat = read.swapaxes(0, 1).reshape(S, n, -1)
+        begun: Array = flat @ self.adapts.reshape(S, D, -1).swapaxes(1, 2).astype(np.float32)
+        return begun
+
+    def gram(self, enters: Array, own: Array, scale: Array) -> Array:
+        """Products of what a unit in one row shows with what one in another does, weighed by a scale,
+        (S, T, C): (d, d, S, T, T); of units that enter as `LaggedResponse` says.
+
+        By the observability Gramian: what a state shows later, with what others show, is a product of states.
+        """
+        (S, T, _, D), d = self.shows.shape, len(enters)
+        shows, weighed = self.shows * scale[..., None], own * scale
+        out, gramian = np.zeros((d, d, S, T, T)), np.zeros((S, D, D))
+        later = np.zeros((S, d, T, D))
+        for t in reversed(range(T)):
+            e, after, goes_on = enters[:, :, t], slice(t + 1, T), self.goes_on[:, t]
+            cross = np.einsum("asi,sbui->absu", e, later[:, :, after])
+            out[..., t, after], out[..., after, t] = cross, cross.swapaxes(0, 1)
+            by_state = np.einsum("asi,sij->asj", e, gramian)
+            out[..., t, t] = np.einsum("asi,bsi->abs", by_state, e)
+            out[..., t, t] += np.einsum("asc,bsc->abs", weighed[:, :, t], weighed[:, :, t])
+            later[:, :, after] = later[:, :, after] @ goes_on[:, None]
+            here = np.einsum("asi,sij->saj", by_state, goes_on)
+            later[:, :, t] = here + np.einsum("asc,scj->saj", weighed[:, :, t], shows[:, t])
+            gramian = goes_on.swapaxes(1, 2) @ gramian @ goes_on
+            gramian += shows[:, t].swapaxes(1, 2) @ shows[:, t]
         if self.adapts is not None:
-            lead = self.adapts.shape[2]
-            read = self._rows(begun, pushes[:, :, :lead], own[:, :, :lead])
-            flat = read.swapaxes(0, 1).reshape(S, n, -1)
-            begun = flat @ self.adapts.reshape(S, D, -1).swapaxes(1, 2).astype(np.float32)
-        return self._rows(begun, pushes, own)
+            begun = np.zeros((S, d, T, D))
+            begun[:, :, : self.adapts.shape[2]] = self._begun_by_units(enters, own)
+            cross = np.einsum("sati,sbui->abstu", begun, later)
+            out += cross + cross.swapaxes(0, 1).swapaxes(3, 4)
+            out += np.einsum("sati,sij,sbuj->abstu", begun, gramian, begun, optimize=True)
+        return out
+
+    def _begun_by_units(self, enters: Array, own: Array) -> Array:
+        """First states by a unit in each of the first rows, (S, d, L, D)."""
+        assert self.adapts is not None
+        lead, S, d = self.adapts.shape[2], len(self.shows), len(enters)
+        units = np.eye(lead)[None, :, None, :, None]
+        pushes, shown = (units * each[:, None, :, :lead] for each in (enters, own))
+        flat = [
+            each.reshape(d * lead, *each.shape[2:]).astype(np.float32) for each in (pushes, shown)
+        ]
+        return self._begun(*flat).reshape(S, d, lead, -1)
 
     def _rows(self, state: Array, pushes: Array, own: Array) -> Array:
         """The same from states of the first row, (S, n, D)."""
@@ -117,11 +175,19 @@ class LaggedResponse:
         return replace(self, enters=enters, own=own)
 
     def products(self, weighed: Array) -> Array:
-        """Of what a change in each row does with weights of the prediction, (S, T, C): (d, S, T); runs are
-        taken to begin in the same state.
+        """Of what a change in each row does with weights of the prediction, (…, S, T, C): (…, d, S, T)."""
+        return self.by_adjoint(*self.motion.adjoint(weighed))
+
+    def by_adjoint(self, later: Array, weighed: Array) -> Array:
+        """The same from what `RowMotion.adjoint` makes of the weights, which all places of a motion share."""
+        by_state = np.einsum("kstd,...std->...kst", self.enters, later)
+        return by_state + np.einsum("kstc,...stc->...kst", self.own, weighed)
+
+    def gram(self, scale: Array) -> Array:
+        """Products of what a change in one row shows with what one in another does, weighed by a scale,
+        (S, T, C): (d, d, S, T, T).
         """
-        later = np.einsum("kstd,std->kst", self.enters, self.motion.adjoint(weighed))
-        return later + np.einsum("kstc,stc->kst", self.own, weighed)
+        return self.motion.gram(self.enters, self.own, scale)
 
     def of(self, follows: Array) -> Iterator[Array]:
         """Change of the prediction by changes that follow something, (W, S, T), of one component after the

@@ -2,14 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.places import LaggedResponse, Response
+from serpent_twin.machines.places import LaggedResponse, Response, RowMotion
 
 _SAME = 1e-6
 """Relative difference below which changes by two states count as one"""
@@ -31,12 +31,26 @@ class ResidualRows:
     """One over the noise, 0 where nothing was measured, (S, T, C)"""
     free: Array | None = None
     """What each segment's start may change, weighed, as orthonormal columns, (S, T · C, k)"""
+    _adjoints: dict[int, tuple[RowMotion, Array, Array]] = field(default_factory=dict, repr=False)
+    """Of these numbers along each motion, by its identity"""
 
-    @cached_property
-    def in_single_precision(self) -> tuple[Array, Array]:
-        """What is left, (N · C,), and its slopes, (M, N · C)."""
-        left, slopes = self.left.ravel(), self.slopes.reshape(len(self.slopes), -1)
-        return left.astype(np.float32), slopes.astype(np.float32)
+    def products(self, response: LaggedResponse) -> tuple[Array, Array, Array]:
+        """Products of a change in each row of a place with the residual, (N, d), with its slopes, (d, N, M),
+        and with what starts may change, (k, d, S, T).
+        """
+        found = response.by_adjoint(*self._adjoint(response.motion))
+        M, rows = len(self.slopes), found.reshape(*found.shape[:2], -1).astype(np.float32)
+        return -rows[0].T, -np.moveaxis(rows[1 : M + 1], 0, -1), found[M + 1 :]
+
+    def _adjoint(self, motion: RowMotion) -> tuple[Array, Array]:
+        """What `RowMotion.adjoint` makes of the residual, its slopes and what starts may change."""
+        if id(motion) not in self._adjoints:
+            several = [self.left[None], self.slopes]
+            if self.free is not None:
+                several.append(np.moveaxis(self.free, -1, 0))
+            every = np.concatenate([each.reshape(len(each), *self.scale.shape) for each in several])
+            self._adjoints[id(motion)] = (motion, *motion.adjoint(every * self.scale))
+        return self._adjoints[id(motion)][1:]
 
     def weighed(self, change: Array) -> Array:
         """What changes of the prediction, (…, S, T, C), do to the residual, beyond what starts may,
@@ -161,34 +175,74 @@ class _ShownAtOnce(ShownChanges):
 
 
 class _ShownLater(ShownChanges):
-    """Sums for a change that propagates from row to row."""
+    """Sums for a change that propagates from row to row.
+
+    Products with the residual and its slopes are by the adjoint, once for all changes. Those of changes with
+    each other are from what the changes show, or, of many changes in short segments, from what a change in
+    each single row shows.
+    """
 
     def __init__(self, rows: ResidualRows, response: LaggedResponse) -> None:
         self._rows, self._response = rows, response
 
     def sums(self, changes: Changes, which: NDArray[np.intp] | None = None) -> Sums:
-        F, rows = changes.rows if which is None else changes.rows[which], self._rows
-        left, slopes = rows.in_single_precision
-        d, W, M = len(self._response.enters), len(F), len(slopes)
-        pulls, taken = np.empty((W, d)), np.empty((d, W, M))
+        F = changes.rows if which is None else changes.rows[which]
+        raw, beside = self._by_row(F) if self._worthwhile(len(F)) else self._one_by_one(F)
+        pulls, taken, _ = self._products
+        return Sums((F @ pulls).astype(float), raw, beside, np.array([F @ each for each in taken]))
+
+    def between(self, changes: Changes) -> tuple[Array, Array, Array]:
+        Y = np.concatenate([each[0] for _, each in self._some(changes.rows)]).astype(float)
+        return _between(self._rows, Y)
+
+    @cached_property
+    def _products(self) -> tuple[Array, Array, Array]:
+        return self._rows.products(self._response)
+
+    def _worthwhile(self, changes: int) -> bool:
+        """Whether the products of so many changes are quicker by those of changes in single rows."""
+        (_, T, C), (d, _, _, D) = self._rows.scale.shape, self._response.enters.shape
+        single = (
+            d * T * D * (D + d),
+            d**2 * T,
+        )  # multiplications in a row, once and for each change
+        return (
+            "_single" in vars(self) or single[0] + changes * single[1] < changes * d * (D + C) * D
+        )
+
+    @cached_property
+    def _single(self) -> Array:
+        """Products of what a change in one row shows with what one in another does, (d, d, S, T, T)."""
+        found, starts = self._response.gram(self._rows.scale), self._products[-1]
+        found -= np.einsum("kast,kbsu->abstu", starts, starts, optimize=True)
+        return found
+
+    def _by_row(self, F: Array) -> tuple[Array, Array]:
+        """Products of components of each change, and with those of the next one."""
+        d, S, T, W = len(self._single), *self._single.shape[2:4], len(F)
+        raw, beside = np.zeros((W, d, d)), np.zeros((W - 1, d, d))
+        for s in range(S):
+            rows = F[:, s * T : (s + 1) * T].astype(float)
+            for a, b in np.ndindex(d, d):
+                after = rows @ self._single[b, a, s]  # of b, by the row in which a changes
+                raw[:, a, b] += np.einsum("wt,wt->w", rows, after)
+                beside[:, a, b] += np.einsum("wt,wt->w", rows[:-1], after[1:])
+        return raw, beside
+
+    def _one_by_one(self, F: Array) -> tuple[Array, Array]:
+        """The same, from what each change shows."""
+        d, W = len(self._response.enters), len(F)
         raw, beside = np.empty((W, d, d)), np.empty((W - 1, d, d))
-        last: list[Array] = [np.empty((0, rows.left.size), np.float32)] * d
+        last: list[Array] = [np.empty((0, self._rows.left.size), np.float32)] * d
         for some, each in self._some(F):
-            pulls[some] = np.stack([y @ left for y in each], axis=1)
             those = slice(some.start - len(last[0]), some.start + len(each[0]) - 1)
             for a, b in np.ndindex(d, d):
                 raw[some, a, b] = np.einsum("wn,wn->w", each[a], each[b])
                 before = np.concatenate([last[a], each[a][:-1]])
                 next_ = each[b] if len(last[b]) else each[b][1:]
                 beside[those, a, b] = np.einsum("wn,wn->w", before, next_)
-            for a in range(d):
-                taken[a, some] = each[a] @ slopes.T
             last = [one[-1:] for one in each]
-        return Sums(pulls, raw, beside, taken)
-
-    def between(self, changes: Changes) -> tuple[Array, Array, Array]:
-        Y = np.concatenate([each[0] for _, each in self._some(changes.rows)]).astype(float)
-        return _between(self._rows, Y)
+        return raw, beside
 
     def _some(self, F: Array) -> Iterator[tuple[slice, list[Array]]]:
         """Some changes after the other: what they do to the residual, (W, N · C) for each component."""
@@ -211,9 +265,7 @@ def by_row(rows: ResidualRows, response: Response) -> tuple[Array, Array]:
     what goes on from row to row, the squares are taken as 1.
     """
     if isinstance(response, LaggedResponse):
-        left = rows.left.reshape(rows.scale.shape)  # which holds nothing that starts may change
-        found = response.products(-left * rows.scale)
-        found = found.reshape(len(found), -1)
+        found = rows.products(response)[0].T
         return found, np.ones_like(found)
     R = rows.weighed(response.change)
     return np.einsum("dnc,nc->dn", R, rows.left), (R**2).sum(axis=2)

@@ -129,14 +129,15 @@ class ModelPlaces(Places):
 
     @property
     def responses(self) -> Sequence[Response]:
-        """Of every quantity at every place."""
-        return [
+        """Of every quantity at every place where it shows: not of bodies whose motion is prescribed."""
+        every = [
             *self._of_joints(),
             *self._of_bodies(),
             *self._of_tendons(),
             *self._of_commands(),
             *self._of_readings(),
         ]
+        return [each for each in every if each.channels]
 
     @property
     def starts(self) -> Array | None:
