@@ -12,7 +12,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.fitted import Fit
-from serpent_twin.identification.fitting.free_parameters import free_parameters
+from serpent_twin.identification.fitting.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.fitting.least_squares import OnProgress, fit, spread
 from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.machines.case import Case
@@ -38,29 +38,43 @@ def guessed(
     """The case whose zeros are a first guess, as `kept` has it by a name, where its machine has short
     segments of the training logs and the guess leaves less of some usual ones than its model as it is.
     """
-    short = case.shortest(training)
-    if short is None:
+    if case.shortest(training) is None:
         return case
 
     def made() -> Array:
-        return _guess(case, training, short, on_progress)
+        on_progress("first guess of rigid parts")
+        parts = case.by_sites(training)
+        begun = case if parts is None else case.starting(parts)
+        more = _guess(begun, training, begun.shortest(training), on_progress)
+        return more if parts is None else parts + more
 
     return case.starting(kept(STAGE, len(case.declared), made))
 
 
 def _guess(case: Case[Any], training: Sequence[Log], short: Any, on_progress: OnProgress) -> Array:
-    """Declared coordinates, (P,); zeros where they leave more than the model as it is."""
+    """What declared coordinates are more, (P,); zeros where that leaves more than the case as it is."""
     nominal = point = ParameterVector.nominal(case.declared)
     guess, free = case, free_parameters(case, ())
     for n in range(1, _ROUNDS + 1):
         on_progress(f"first guess from row to row, {n} of {_ROUNDS}")
         guess = guess.reweighted(point, short)
-        found = fit(guess, short, point, free, 1, len(short), used=range(len(short)))
-        point, guess = _elsewhere(guess, short, found), replace(guess, noise=found.noise)
+        some = _shared(case, free) if n == 1 else free
+        found = fit(guess, short, point, some, 1, len(short), used=range(len(short)))
+        point, guess = found.point, replace(guess, noise=found.noise)
+    point = _elsewhere(guess, short, found)
     pieces = case.pieces(training)
     some = case.take(pieces, spread(len(pieces), case.segments[0]))
     cost = (case.residual([nominal, point], some).astype(float) ** 2).sum(axis=(1, 2))
     return (point if cost[1] < cost[0] else nominal).declared
+
+
+def _shared(case: Case[Any], free: FreeParameters) -> FreeParameters:
+    """The free parameters without those by which one of several differs from what all share: far off, all
+    are off alike, and a first step would have each one make up for the others.
+    """
+    return FreeParameters(
+        tuple(k for k in free.declared if len(case.quantities[k].of) == 1), free.effects
+    )
 
 
 def _elsewhere(case: Case[Any], short: Any, found: Fit) -> ParameterVector:

@@ -144,6 +144,11 @@ class Case(Generic[P]):
         machine: Any = self.machine
         return machine.shortest(sessions) if hasattr(machine, "shortest") else None
 
+    def by_sites(self, sessions: Sequence[Any]) -> Array | None:
+        """Declared coordinates of rigid parts, (P,), as measured sites tell them; None where none do."""
+        machine: Any = self.machine
+        return machine.by_sites(sessions) if hasattr(machine, "by_sites") else None
+
     def starting(self, declared: Array) -> "Case[P]":
         """The case whose zeros are some values of the declared parameters, (P,)."""
         machine: Any = self.machine
@@ -203,7 +208,20 @@ class Case(Generic[P]):
         """The same from the residual that the twin leaves on these segments, (S, T · C), by this noise."""
         measured = pieces.measured
         left = residual.reshape(measured.shape).astype(float) * self.noise
-        return replace(self, noise=self.noise_of(np.where(np.isfinite(measured), left, np.nan)))
+        left = np.where(np.isfinite(measured), left, np.nan)
+        case = self._less_noisy(pieces, left)
+        return replace(case, noise=case.noise_of(left))
+
+    def _less_noisy(self, pieces: P, left: Array) -> "Case[P]":
+        """The same where a twin that follows quick motions leaves less, (S, T, C), than was taken for noise
+        before.
+        """
+        machine: Any = self.machine
+        least, unseen = [each.noise for each in machine.outputs], np.isnan(left).all(axis=(0, 1))
+        rms = np.sqrt(np.nanmean(np.where(unseen, np.inf, left) ** 2, axis=(0, 1)))
+        if not hasattr(machine, "quieter") or (rms >= least).all():
+            return self
+        return replace(self, machine=machine.quieter(pieces, left))
 
     def weighs_like(self, other: "Case[P]") -> bool:
         """Whether each channel's noise is within a factor of the other case's."""

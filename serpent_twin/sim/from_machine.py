@@ -106,6 +106,7 @@ class MachineFile(stored.OpenForm, frozen=True):
         return Deviations(
             strand_stiffness=_floats(of("tendon stiffness", strands)),
             strand_slack=_floats(1e-3 * of("tendon slack", strands)),
+            winch_radius=_floats(np.expm1(of("moment arm", motors))),
             joint_friction=_floats(of("joint friction", joints)),
             jaw_friction=_floats(of("joint friction", ("jaw",))),
             joint_damping=_floats(of("joint damping", joints)),

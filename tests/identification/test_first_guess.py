@@ -64,7 +64,7 @@ def test_a_guess_comes_near_from_far_off(tmp_path):
     assert left(case, pieces, zeros) > 30 and left(found, pieces, zeros) < 3
     gain = next(q for q in found.quantities if q.name.startswith("actuator gain"))
     assert gain.start == pytest.approx(4.0, rel=0.25) and gain.nominal == pytest.approx(1.0)
-    assert len(said) == 3
+    assert len(said) == 4
 
 
 def test_what_is_compared_without_a_point_is_the_model_as_it_is(tmp_path):

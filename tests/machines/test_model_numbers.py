@@ -9,7 +9,13 @@ from measured_logs import write_log
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
-from serpent_twin.machines.model.numbers import NUMBERS, change_number, numbers_of
+from serpent_twin.machines.model.numbers import (
+    NUMBERS,
+    change_compiled,
+    change_number,
+    numbers_of,
+    with_arms,
+)
 
 MJCF = """<mujoco>
   <option timestep="0.002"/>
@@ -68,7 +74,7 @@ PER_ERROR, PER_SPEED = (
 
 @pytest.mark.parametrize(
     "number",
-    [name for name, kind in NUMBERS.items() if not kind.added and kind.of != "tendon"],
+    [n for n, kind in NUMBERS.items() if not (kind.added or kind.compiled or kind.of == "tendon")],
 )
 def test_one_number_is_scaled_and_all_others_stay(number):
     spec = mujoco.MjSpec.from_string(MJCF)
@@ -246,3 +252,35 @@ def test_candidates_may_be_named(tmp_path):
     other = open_machine(machine(tmp_path / "other", some.replace("command_delay", "delay")))
     with pytest.raises(SerpentError, match=r"candidates has 'delay', .* there are: gravity,"):
         other.open(runs)
+
+
+WOUND = """<mujoco>
+  <worldbody>
+    <body><joint name="winch" axis="0 0 1"/><geom size="0.01" mass="0.1"/></body>
+    <body pos="1 0 0"><joint name="hinge" axis="0 0 1"/><geom size="0.05" mass="0.1" pos="0.1 0 0"/></body>
+  </worldbody>
+  <tendon>
+    <fixed name="cable" stiffness="500" springlength="-10 0.001">
+      <joint joint="winch" coef="0.02"/><joint joint="hinge" coef="-0.03"/>
+    </fixed>
+  </tendon>
+</mujoco>
+"""
+
+
+def test_a_moment_arm_is_changed_in_a_compiled_model_and_in_mjcf_alike():
+    """Which no `MjSpec` can: pulls and torques are those of the MJCF with another coefficient."""
+    spec = mujoco.MjSpec.from_string(WOUND)
+    model, spec_xml = spec.compile(), spec.to_xml()
+    assert numbers_of(model, "moment arm") == pytest.approx([0.02, 0.03])
+    change_compiled(model, "moment arm", 0, 1.05)
+    other = mujoco.MjModel.from_xml_string(with_arms(spec_xml, {"winch": 1.05}))
+    wanted = mujoco.MjModel.from_xml_string(WOUND.replace('"0.02"', '"0.021"'))
+    torques = []
+    for each in (model, other, wanted):
+        data = mujoco.MjData(each)
+        data.qpos[:] = 1.2, -0.4
+        mujoco.mj_forward(each, data)
+        torques.append(data.qfrc_passive.copy())
+    assert torques[2][0] < -0.3
+    assert np.array(torques[:2]) == pytest.approx(np.tile(torques[2], (2, 1)), rel=1e-12)

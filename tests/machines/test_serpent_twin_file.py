@@ -13,8 +13,8 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.sim import twin_model
 
-KINDS = ("tendon stiffness", "tendon slack", "joint friction", "friction near rest", "joint damping",
-         "mass", "joint axis", "body x", "site", "cameras", "")  # fmt: skip
+KINDS = ("tendon stiffness", "tendon slack", "moment arm", "joint friction", "friction near rest",
+         "joint damping", "mass", "joint axis", "body x", "site", "cameras", "")  # fmt: skip
 NOISE = np.r_[np.full(27, 3e-4), np.full(10, 6e-3)]
 
 
@@ -25,11 +25,13 @@ def arm():
 
 def moved(machine, kind, seed=1):
     """A twin whose numbers of a kind are off by half the width of their priors; hinges creep."""
-    size = np.random.default_rng(seed).standard_normal(len(machine.declared))
     names = [each.name for each in machine.declared]
-    at = 0.5 * size * [each.prior for each in machine.declared]
+    some = np.array([name.startswith(kind) for name in names])
+    at = np.zeros(len(names))
+    at[some] = 0.5 * np.random.default_rng(seed).standard_normal(some.sum())
+    at *= [each.prior for each in machine.declared]
     at = np.where([name.startswith("friction near") for name in names], -np.abs(at) - 4, at)
-    return ParameterVector(np.where([name.startswith(kind) for name in names], at, 0.0))
+    return ParameterVector(np.where(some, at, 0.0))
 
 
 def written(arm, point, folder):
@@ -49,7 +51,7 @@ def test_each_kind_of_number_comes_over(arm, kind, tmp_path):
     apart = np.abs(shown - arm.of_design(design))
     assert apart[..., :27].mean() < 5e-5 and apart[..., 27:][arm.turns].mean() < 1.5e-3
     nominal = arm.machine.respond([ParameterVector.nominal(arm.machine.declared)], arm.pieces)[0]
-    assert np.abs(shown - nominal).mean() > 2 * apart.mean()
+    assert np.abs(shown - nominal).mean() > 1.5 * apart.mean()
 
 
 def test_effects_sensors_and_origin_come_over(arm, tmp_path):

@@ -28,7 +28,7 @@ from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import EVERY, ModelMachine
 from serpent_twin.machines.model.motion import STEPS, StartGains
-from serpent_twin.machines.model.noise import noise, quieter
+from serpent_twin.machines.model.noise import noise
 from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.rubbing import sized
@@ -115,7 +115,7 @@ class ModelRig:
         require_shared_unit(self.described, few, found, partial(_anew, machine))
         _require_found(machine, few, found)
         if self.described.about.rows == MOTION:
-            machine = _quieter(machine, few, found)
+            machine = machine.quieter(few, few.measured - found)
             if not self.described.about.steps:
                 machine, found = _finer(machine, few, found)
         first, spread = _first(machine, few, found)
@@ -149,21 +149,6 @@ def _nominal(machine: ModelMachine, few: Segments) -> Array:
 def _anew(machine: ModelMachine, few: Segments) -> Array:
     """What the model shows of other data of the same segments, (S, T, C)."""
     return _nominal(replace(machine, rests=Rests(), gains=StartGains()), few)
-
-
-def _quieter(machine: ModelMachine, few: Segments, found: Array) -> ModelMachine:
-    """The same with the noise that is left where the model, which shows (S, T, C), follows quick motions,
-    which look like noise.
-    """
-    off, outputs = few.measured - found, list(machine.outputs)
-    for each in machine.described.about.measured:
-        of = [n for n, one in enumerate(outputs) if one.name in each.columns]
-        for n in of if not each.noise else ():
-            least = quieter(outputs[n].noise, few.measured[..., of], off[..., n])
-            outputs[n] = replace(outputs[n], noise=least)
-    if all(a.noise == b.noise for a, b in zip(outputs, machine.outputs, strict=True)):
-        return machine
-    return replace(machine, outputs=tuple(outputs), begun=SessionStarts())
 
 
 def _finer(machine: ModelMachine, few: Segments, coarse: Array) -> tuple[ModelMachine, Array]:

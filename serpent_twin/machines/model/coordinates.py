@@ -19,6 +19,7 @@ from serpent_twin.machines.model.description import (
 from serpent_twin.machines.model.numbers import (
     NUMBERS,
     OF_SLIDES,
+    change_compiled,
     change_number,
     names_of,
     numbers_of,
@@ -226,9 +227,34 @@ def _cameras(machine: Described) -> Iterator[FittedNumber]:
 def edit_numbers(
     spec: mujoco.MjSpec, all_of: Sequence[FittedNumber], values: Mapping[str, float]
 ) -> None:
-    """Write coordinates into a spec of the model."""
+    """Write coordinates into a spec of the model, but for those of compiled models."""
+    for number, n, by in _changes(all_of, values, compiled=False):
+        change_number(spec, number, n, by)
+
+
+def edit_compiled(
+    model: mujoco.MjModel, all_of: Sequence[FittedNumber], values: Mapping[str, float]
+) -> None:
+    """Write into a compiled model those coordinates that no spec can take."""
+    for number, n, factor in _changes(all_of, values, compiled=True):
+        change_compiled(model, number, n, factor)
+
+
+def arm_factors(
+    model: mujoco.MjModel, all_of: Sequence[FittedNumber], values: Mapping[str, float]
+) -> dict[str, float]:
+    """By how much moment arms of joints, by name, are longer than the model's."""
+    changes = _changes(all_of, values, compiled=True)
+    return {model.joint(n).name: factor for _, n, factor in changes}
+
+
+def _changes(
+    all_of: Sequence[FittedNumber], values: Mapping[str, float], compiled: bool
+) -> Iterator[tuple[str, int, float]]:
+    """Numbers of single things, and by which factor each changes, or how much is added to it."""
     for each in all_of:
         value = values.get(each.declared.name, 0.0)
-        for n in each.of if each.number and value else ():
-            added = NUMBERS[each.number].added
-            change_number(spec, each.number, n, value if added else float(np.exp(value)))
+        if not (each.number and value) or NUMBERS[each.number].compiled != compiled:
+            continue
+        by = value if NUMBERS[each.number].added else float(np.exp(value))
+        yield from ((each.number, n, by) for n in each.of)

@@ -26,23 +26,25 @@ from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.before import Before
 from serpent_twin.machines.model.columns import MachineOfColumns
 from serpent_twin.machines.model.compared import compared
-from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
+from serpent_twin.machines.model.coordinates import FittedNumber, edit_compiled, edit_numbers
 from serpent_twin.machines.model.derivatives import MANY, worthwhile
 from serpent_twin.machines.model.description import MOTION, POSES
 from serpent_twin.machines.model.drives import ToldBefore
 from serpent_twin.machines.model.full_states import lengthen_buffers
 from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
+from serpent_twin.machines.model.kinematics import Parts
 from serpent_twin.machines.model.known import Factor
 from serpent_twin.machines.model.limits import LoggedLimits
 from serpent_twin.machines.model.motion import STEPS, StartGains
-from serpent_twin.machines.model.numbers import change_number
+from serpent_twin.machines.model.noise import quieter
+from serpent_twin.machines.model.numbers import NUMBERS, change_compiled, change_number
 from serpent_twin.machines.model.places import ModelPlaces, only_single, units_of_law
 from serpent_twin.machines.model.pose_places import places_at_rest
 from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.prescribed import prescribe
 from serpent_twin.machines.model.session_starts import SessionStarts
 from serpent_twin.machines.model.shortest import goes_on_from_sites, shortest
-from serpent_twin.machines.model.starts import started_again
+from serpent_twin.machines.model.starts import placed_anew, started_again
 from serpent_twin.machines.model.state_effects import acting_on_state
 from serpent_twin.machines.model.switches import separate
 from serpent_twin.machines.model.twin_file import write_twin
@@ -179,12 +181,43 @@ class ModelMachine(MachineOfColumns):
         """Some two rows each of sessions, if a motion goes on from measured sites in any row; else None."""
         if self.before.values or not goes_on_from_sites(self.described):
             return None
-        return shortest(self, sessions)
+        return shortest(self, self._begun(sessions))
+
+    def by_sites(self, sessions: Sequence[Log]) -> Array | None:
+        """Coordinates, (P,), by which rigid parts differ from the model, as measured sites tell them; None
+        where they tell nothing.
+        """
+        if self.described.about.rows == POSES or self.before.values:
+            return None
+        compiled = partial(self._compiled, effects=(), known=())
+        parts = Parts(
+            self.described, self.frame, self.declared, lambda x: (compiled(x), self.values(x))
+        )
+        return parts.guessed(sessions)
 
     def starting(self, declared: Array) -> "ModelMachine":
         """The machine whose fit starts from coordinates, (P,)."""
         guess = by_coordinate(self.declared, declared)
         return replace(self, guess=guess, gains=StartGains(), begun=SessionStarts())
+
+    def pieces(self, sessions: Sequence[Log]) -> Segments:
+        """Sessions in segments of some rows, which begin where sites place the guessed machine's joints."""
+        return super().pieces(self._begun(sessions))
+
+    def _begun(self, sessions: Sequence[Log]) -> Sequence[Log]:
+        if not self.guess or self.described.about.rows == POSES:
+            return sessions
+        model = self._compiled(np.zeros(len(self.declared)), (), ())
+        return placed_anew(replace(self.described, model=model), sessions)
+
+    def quieter(self, pieces: Segments, off: Array) -> "ModelMachine":
+        """The machine with the noise that is left where a twin is `off`, (S, T, C), if that is less."""
+        if self.described.about.rows == POSES:
+            return self
+        outputs = quieter(self.described.about.measured, self.outputs, pieces.measured, off)
+        if all(a.noise == b.noise for a, b in zip(outputs, self.outputs, strict=True)):
+            return self
+        return replace(self, outputs=outputs, begun=SessionStarts())
 
     def compare(self, point: ParameterVector | None, pieces: Segments) -> Comparison:
         """Measured beside predicted, in blocks that are judged one by one."""
@@ -204,8 +237,9 @@ class ModelMachine(MachineOfColumns):
     ) -> mujoco.MjModel:
         """The twin as it is simulated, with the numbers that a session states."""
         spec = self._edited(self.described.bare.copy(), declared, effects)
-        for number, which, factor in known:
-            change_number(spec, number, which, factor)
+        later = [each for each in known if NUMBERS[each[0]].compiled]
+        for each in (each for each in known if each not in later):
+            change_number(spec, *each)
         measured = self.places
         for sensor in [each for each in spec.sensors if each.name not in measured]:
             spec.delete(sensor)
@@ -214,7 +248,11 @@ class ModelMachine(MachineOfColumns):
         prescribe(spec, self.described)
         separate(spec, self.described)
         lengthen_buffers(spec)
-        return spec.compile()
+        model = spec.compile()
+        edit_compiled(model, self.coordinates, self.values(declared))
+        for each in later:
+            change_compiled(model, *each)
+        return model
 
     def respond(
         self, points: Sequence[ParameterVector], pieces: Segments, timestep: float | None = None

@@ -1,10 +1,12 @@
 """Tell the noise of what is measured."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.machines.machine import Output
 from serpent_twin.machines.model.description import MOTION, Described, MeasuredColumns
 from serpent_twin.tables.log import Log
 from serpent_twin.units import TO_SI
@@ -44,13 +46,27 @@ def _span(training: Sequence[Log], name: str) -> float:
     return float(np.nanmax(values) - np.nanmin(values))
 
 
-def quieter(noise: float, seen: Array, off: Array) -> float:
-    """The noise of a column of what is seen of a motion, (S, T, c), where a model that is off by so much
-    there, (S, T), follows quick motions, which look like noise.
+def quieter(
+    measured: Sequence[MeasuredColumns], outputs: Sequence[Output], seen: Array, off: Array
+) -> tuple[Output, ...]:
+    """The channels of what is seen of a motion, (S, T, C), with no more noise than changes from row to row
+    where a twin is `off`, (S, T, C): quick motions look like noise, until a twin follows them. Of sites that
+    the same cameras see, all have the noise of the least noisy.
     """
-    span = float(np.max(np.nanmax(seen, axis=(0, 1)) - np.nanmin(seen, axis=(0, 1))))
-    found = _jitter([off])
-    return min(noise, max(_ROUNDING * span, found)) if found else noise
+    span, least = np.zeros(len(outputs)), np.array([each.noise for each in outputs])
+    channel = {each.name: n for n, each in enumerate(outputs)}
+    alike: dict[tuple[str, str, int], list[int]] = {}
+    for each in measured:
+        of = [channel[name] for name in each.columns]
+        rows = seen[..., of]
+        span[of] = np.max(np.nanmax(rows, axis=(0, 1)) - np.nanmin(rows, axis=(0, 1)))
+        for axis, n in enumerate(of if not each.noise else ()):
+            one = ("site", each.frame, axis) if each.site else (each.of[1], outputs[n].name, 0)
+            alike.setdefault(one, []).append(n)
+    for several in alike.values():
+        found = [min(least[n], _jitter([off[..., n]]) or np.inf) for n in several]
+        least[several] = np.maximum(min(found), _ROUNDING * span[several])
+    return tuple(replace(each, noise=float(n)) for each, n in zip(outputs, least, strict=True))
 
 
 def _jitter(several: Sequence[Array]) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -13,6 +14,14 @@ from serpent_twin.machines.model.masses import weigh
 
 _R, _K, _P, _I, _D, _V = 0, 1, 4, 5, 6, 7
 """Places in `gainprm` of a DC motor: resistance, motor constant, gains of its controller, voltage limit"""
+_SEVERAL = {
+    "body": "bodies",
+    "actuator": "actuators",
+    "joint": "joints",
+    "tendon": "tendons",
+    "site": "sites",
+}
+"""The things of a kind, of a spec"""
 _TURN = "°"
 """Of what a spec has in degrees or radians, as its compiler says"""
 OF_SLIDES = {
@@ -37,8 +46,10 @@ class NumberKind:
     """Kind of the things: joint, tendon, actuator, body or site"""
     read: Callable[[mujoco.MjModel], np.ndarray]
     """That of all things of the kind; 0 where a thing has none"""
-    change: Callable[[Any, float], None]
-    """Multiply that of a thing of a spec by a factor; or add to it, in its unit"""
+    change: Callable[..., None]
+    """Multiply that of a thing of a spec by a factor; or add to it, in its unit. Where no spec can be
+    changed, of a compiled model, with the thing's index.
+    """
     prior: float = 0.3
     """Standard deviation of the logarithm of its ratio to the model's; of what is added, in its unit"""
     added: bool = False
@@ -49,6 +60,8 @@ class NumberKind:
     """Whether calibration fits it without being asked"""
     at_rest: bool = True
     """Whether poses at rest show it"""
+    compiled: bool = False
+    """Whether `change` is of a compiled model"""
 
 
 def _of_dof(field: str) -> Callable[[mujoco.MjModel], np.ndarray]:
@@ -203,6 +216,21 @@ def _loosen(tendon: Any, by: float) -> None:
     tendon.springlength[1] += 1e-3 * by
 
 
+def _winds(model: mujoco.MjModel, joint: int) -> np.ndarray:
+    """Which parts of fixed tendons' paths are about a joint, (nwrap,)."""
+    return (model.wrap_type == mujoco.mjtWrap.mjWRAP_JOINT) & (model.wrap_objid == joint)
+
+
+def _arm(model: mujoco.MjModel) -> np.ndarray:
+    """How much a fixed tendon winds up per angle of a joint, its coefficient, the mean of several [m/rad]."""
+    several = [np.abs(model.wrap_prm[_winds(model, n)]) for n in range(model.njnt)]
+    return np.array([each.mean() if each.size else 0.0 for each in several])
+
+
+def _scale_arm(model: mujoco.MjModel, joint: int, factor: float) -> None:
+    model.wrap_prm[_winds(model, joint)] *= factor
+
+
 def _along(axis: int) -> NumberKind:
     def scale(body: Any, factor: float) -> None:
         body.pos[axis] *= factor
@@ -270,6 +298,7 @@ NUMBERS: Mapping[str, NumberKind] = {
         stated=True,
         fitted=False,
     ),
+    "moment arm": NumberKind("m", "joint", _arm, _scale_arm, 0.01, fitted=False, compiled=True),
     "motor constant": NumberKind("V s/rad", "actuator", _of_motor(_K), _scale_constant),
     "motor resistance": NumberKind("Ω", "actuator", _of_motor(_R), _scale_resistance),
     "controller gain": NumberKind(
@@ -308,17 +337,28 @@ def names_of(model: mujoco.MjModel, number: str) -> list[str]:
 def change_number(spec: mujoco.MjSpec, number: str, which: int, by: float) -> None:
     """Multiply a number of one thing of a spec by a factor, or add to one of a kind that is added to."""
     kind = NUMBERS[number]
-    things = {
-        "body": spec.bodies,
-        "actuator": spec.actuators,
-        "joint": spec.joints,
-        "tendon": spec.tendons,
-        "site": spec.sites,
-    }[kind.of]
+    things = getattr(spec, _SEVERAL[kind.of])
     if kind.unit == _TURN and kind.of == "joint":
         slides = things[which].type == mujoco.mjtJoint.mjJNT_SLIDE
         by *= 1e-3 if slides else 1.0 if spec.compiler.degree else np.pi / 180
     kind.change(things[which], by)
+
+
+def change_compiled(model: mujoco.MjModel, number: str, which: int, factor: float) -> None:
+    """Multiply a number of one thing of a compiled model by a factor, of a kind that no spec can change."""
+    NUMBERS[number].change(model, which, factor)
+
+
+def with_arms(mjcf: str, factors: Mapping[str, float]) -> str:
+    """An MJCF whose fixed tendons have moment arms at joints, by name, times factors."""
+    if not factors:
+        return mjcf
+    root = ElementTree.fromstring(mjcf)
+    for tendon in root.iter("fixed"):
+        for each in tendon:
+            arm = float(each.get("coef", "1")) * factors.get(each.get("joint", ""), 1.0)
+            each.set("coef", repr(arm))
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def state_all(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:

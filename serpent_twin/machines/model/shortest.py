@@ -11,7 +11,7 @@ from serpent_twin.machines.model.segments import lead_of
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments, Stretch
 
-_ROWS = 150
+_ROWS = 100
 """Rows that begin a motion, some"""
 
 

@@ -76,17 +76,32 @@ def with_starts(machine: Described, runs: Sequence[Log]) -> list[Log]:
     return [_with_starts(machine, run) for run in with_lag(machine, placed(machine, runs))]
 
 
+def placed_anew(machine: Described, runs: Sequence[Log]) -> list[Log]:
+    """Logs in which joints are where their sites place them on a machine with other parts."""
+    columns = {joint: site_column(joint) for joint in placed_joints(machine)}
+    if not columns:
+        return list(runs)
+    found = placed(machine, runs)
+    return [replace(run, columns=run.columns | _begun(machine, run, columns)) for run in found]
+
+
 def _with_starts(machine: Described, run: Log) -> Log:
     """A log with the smoothed angle and rate of each measured joint, and its reading."""
+    more = _begun(machine, run, measured_joints(machine))
+    return replace(run, columns=with_rates(machine, run) | more)
+
+
+def _begun(machine: Described, run: Log, columns: Mapping[str, str]) -> dict[str, Array]:
+    """The smoothed angle and rate of joints that are read in some columns, and the readings."""
     more: dict[str, Array] = {}
-    for joint, column in measured_joints(machine).items():
+    for joint, column in columns.items():
         values = run.columns[column]
         rows = np.arange(len(values))
         known = np.isfinite(values)
         whole = np.interp(rows, rows[known], values[known])
         more[reading_of(joint)] = values
         more[angle_of(joint)], more[rate_of(joint)] = _smoothed(machine, whole, run.period)
-    return replace(run, columns=with_rates(machine, run) | more)
+    return more
 
 
 def _smoothed(machine: Described, values: Array, period: float) -> tuple[Array, Array]:

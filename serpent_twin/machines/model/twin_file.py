@@ -13,7 +13,9 @@ from serpent_twin.effects import Effect
 from serpent_twin.engine.exact_xml import to_xml
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector, effects_at
+from serpent_twin.machines.model.coordinates import arm_factors
 from serpent_twin.machines.model.drive_table import write_calibration
+from serpent_twin.machines.model.numbers import with_arms
 from serpent_twin.runs.files import write_json, write_whole
 
 if TYPE_CHECKING:
@@ -135,5 +137,7 @@ def write_twin(
     if left:
         notes[0] += f"; serpent_twin.attach adds {'it' if len(left) == 1 else 'them'}"
     note = ". ".join(notes)
-    text = f"<!-- {note or 'all effects are here'}. -->\n{to_xml(spec, path.parent)}"
+    arms = arm_factors(machine.described.model, machine.coordinates, values)
+    mjcf = with_arms(to_xml(spec, path.parent), arms)
+    text = f"<!-- {note or 'all effects are here'}. -->\n{mjcf}"
     write_whole(path.with_suffix(".xml"), text)
