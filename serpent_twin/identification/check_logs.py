@@ -96,6 +96,7 @@ def _checked(
         if out:
             progress.say(begin_report(case.compare(None, pieces), out, "What these logs can tell"))
         case = guessed(case, logs, progress.step)
+        pieces = case.pieces(logs)
         case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
         progress.step("derivatives")
         opening = opening_fit(case, pieces)

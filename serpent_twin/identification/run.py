@@ -201,7 +201,6 @@ def run(
     with Progress("first guesses") as progress:
         case = rig.open(training)
         progress.simulations = lambda: case.clock.count
-        judged = case.pieces(judging)
         before = case.compare(None, case.pieces([*training, *judging]))
         if shown:
             progress.say(begin_report(before, config.out, f"What the twin of {arm} lacks"))
@@ -211,7 +210,7 @@ def run(
         tracer = kind(
             case,
             case.pieces(training),
-            judged,
+            case.pieces(judging),
             notes,
             progress.step,
             config.seed,
