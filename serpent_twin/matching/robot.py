@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model.actuator_numbers import is_dc_motor
 from serpent_twin.machines.model.drive_errors import range_in_degrees
 from serpent_twin.machines.model.masses import settle_total_mass
-from serpent_twin.machines.model.numbers import is_dc_motor
 from serpent_twin.machines.model.things import OBJECTS, acts_on, joint_type, names, not_single
 from serpent_twin.numerals import counted, listed
 

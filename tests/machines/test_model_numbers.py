@@ -14,8 +14,8 @@ from serpent_twin.machines.model.numbers import (
     change_compiled,
     change_number,
     numbers_of,
-    with_arms,
 )
+from serpent_twin.machines.model.twin_file import with_arms
 
 MJCF = """<mujoco>
   <option timestep="0.002"/>

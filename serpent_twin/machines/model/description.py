@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.machines.model.actuator_numbers import is_dc_motor
 from serpent_twin.machines.model.bare import bare
-from serpent_twin.machines.model.numbers import NUMBERS, is_dc_motor
+from serpent_twin.machines.model.numbers import NUMBERS
 from serpent_twin.residual import (
     ANGLE,
     ANGULAR_VELOCITY,

@@ -3,17 +3,30 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.engine.friction_softness import softness_of
+from serpent_twin.machines.model.actuator_numbers import (
+    CONSTANT,
+    LIMIT,
+    RESISTANCE,
+    damping_time,
+    gain,
+    of_motor,
+    scale_constant,
+    scale_controller,
+    scale_damping,
+    scale_gain,
+    scale_gear,
+    scale_limit,
+    scale_resistance,
+    volts_per_error,
+)
 from serpent_twin.machines.model.masses import weigh
 
-_R, _K, _P, _I, _D, _V = 0, 1, 4, 5, 6, 7
-"""Places in `gainprm` of a DC motor: resistance, motor constant, gains of its controller, voltage limit"""
 _SEVERAL = {
     "body": "bodies",
     "actuator": "actuators",
@@ -73,71 +86,6 @@ def _attribute(name: str) -> Callable[[Any, float], None]:
         setattr(thing, name, np.asarray(getattr(thing, name)) * factor)
 
     return scale
-
-
-def is_dc_motor(model: mujoco.MjModel) -> np.ndarray:
-    """Which actuators are DC motors, (nu,)."""
-    return model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR
-
-
-def _gain(model: mujoco.MjModel) -> np.ndarray:
-    return np.where(is_dc_motor(model), 0.0, model.actuator_gainprm[:, 0])
-
-
-def _scale_gain(actuator: Any, factor: float) -> None:
-    actuator.gainprm[0] *= factor
-    actuator.biasprm[1:3] *= factor
-
-
-def _damping_time(model: mujoco.MjModel) -> np.ndarray:
-    """The ratio kv / kp of actuators that set a position and damp [s]."""
-    stiff, damped = -model.actuator_biasprm[:, 1], -model.actuator_biasprm[:, 2]
-    damps = (stiff > 0) & (damped > 0) & ~is_dc_motor(model)
-    return np.where(damps, damped / np.where(damps, stiff, 1.0), 0.0)
-
-
-def _scale_damping(actuator: Any, factor: float) -> None:
-    actuator.biasprm[2] *= factor
-
-
-def _scale_gear(actuator: Any, factor: float) -> None:
-    actuator.gear[:] *= factor
-
-
-def _of_motor(place: int) -> Callable[[mujoco.MjModel], np.ndarray]:
-    return lambda model: np.where(is_dc_motor(model), model.actuator_gainprm[:, place], 0.0)
-
-
-def _volts_per_error(model: mujoco.MjModel) -> np.ndarray:
-    """MuJoCo has the controller's gain in terms of torque: R / K times that are volts."""
-    gain = model.actuator_gainprm
-    constant = np.where(is_dc_motor(model), gain[:, _K], 1.0)
-    return np.where(is_dc_motor(model), gain[:, _P] * gain[:, _R] / constant, 0.0)
-
-
-def _scale_constant(actuator: Any, factor: float) -> None:
-    """Scale the motor constant K. The controller gives the same volts for an error as before, and for a
-    speed: R/K (P e − D ω) + K ω.
-    """
-    resistance, constant = actuator.gainprm[_R], actuator.gainprm[_K]
-    actuator.gainprm[_K] *= factor
-    actuator.gainprm[[_P, _I]] *= factor
-    more = (factor - 1) * constant**2 / resistance
-    actuator.gainprm[_D] = factor * (actuator.gainprm[_D] + more)
-
-
-def _scale_resistance(actuator: Any, factor: float) -> None:
-    """Scale the resistance; the controller gives the same volts as before."""
-    actuator.gainprm[_R] *= factor
-    actuator.gainprm[[_P, _I, _D]] /= factor
-
-
-def _scale_controller(actuator: Any, factor: float) -> None:
-    actuator.gainprm[[_P, _I]] *= factor
-
-
-def _scale_limit(actuator: Any, factor: float) -> None:
-    actuator.gainprm[_V] *= factor
 
 
 def _shifted(name: str, axis: int) -> NumberKind:
@@ -263,12 +211,12 @@ NUMBERS: Mapping[str, NumberKind] = {
     "joint zero": _turned("ref", "qpos0", 2.0),
     "joint rest": _turned("springref", "qpos_spring", 3.0),
     **{f"joint axis {axis}": _leaning(n) for n, axis in enumerate("xyz")},
-    "actuator gain": NumberKind("1", "actuator", _gain, _scale_gain, 0.5),
+    "actuator gain": NumberKind("1", "actuator", gain, scale_gain, 0.5),
     "actuator damping": NumberKind(
-        "s", "actuator", _damping_time, _scale_damping, 0.2, at_rest=False
+        "s", "actuator", damping_time, scale_damping, 0.2, at_rest=False
     ),
     "actuator gear": NumberKind(
-        "1", "actuator", lambda m: m.actuator_gear[:, 0], _scale_gear, 0.1, fitted=False
+        "1", "actuator", lambda m: m.actuator_gear[:, 0], scale_gear, 0.1, fitted=False
     ),
     "tendon stiffness": NumberKind(
         "N/m", "tendon", lambda m: m.tendon_stiffness, _attribute("stiffness")
@@ -299,12 +247,12 @@ NUMBERS: Mapping[str, NumberKind] = {
         fitted=False,
     ),
     "moment arm": NumberKind("m", "joint", _arm, _scale_arm, 0.01, fitted=False, compiled=True),
-    "motor constant": NumberKind("V s/rad", "actuator", _of_motor(_K), _scale_constant),
-    "motor resistance": NumberKind("Ω", "actuator", _of_motor(_R), _scale_resistance),
+    "motor constant": NumberKind("V s/rad", "actuator", of_motor(CONSTANT), scale_constant),
+    "motor resistance": NumberKind("Ω", "actuator", of_motor(RESISTANCE), scale_resistance),
     "controller gain": NumberKind(
-        "V/rad", "actuator", _volts_per_error, _scale_controller, fitted=False
+        "V/rad", "actuator", volts_per_error, scale_controller, fitted=False
     ),
-    "voltage limit": NumberKind("V", "actuator", _of_motor(_V), _scale_limit, fitted=False),
+    "voltage limit": NumberKind("V", "actuator", of_motor(LIMIT), scale_limit, fitted=False),
     "mass": NumberKind("kg", "body", lambda m: m.body_mass, weigh, 0.2),
     "body x": _along(0),
     "body y": _along(1),
@@ -347,18 +295,6 @@ def change_number(spec: mujoco.MjSpec, number: str, which: int, by: float) -> No
 def change_compiled(model: mujoco.MjModel, number: str, which: int, factor: float) -> None:
     """Multiply a number of one thing of a compiled model by a factor, of a kind that no spec can change."""
     NUMBERS[number].change(model, which, factor)
-
-
-def with_arms(mjcf: str, factors: Mapping[str, float]) -> str:
-    """An MJCF whose fixed tendons have moment arms at joints, by name, times factors."""
-    if not factors:
-        return mjcf
-    root = ElementTree.fromstring(mjcf)
-    for tendon in root.iter("fixed"):
-        for each in tendon:
-            arm = float(each.get("coef", "1")) * factors.get(each.get("joint", ""), 1.0)
-            each.set("coef", repr(arm))
-    return ElementTree.tostring(root, encoding="unicode")
 
 
 def state_all(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:

@@ -13,8 +13,8 @@ from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.effect import WINDING
 from serpent_twin.effects.law import FORCES, POSITIONS, READING_SHIFT
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model.actuator_numbers import is_dc_motor
 from serpent_twin.machines.model.clocks import Clocks
-from serpent_twin.machines.model.numbers import is_dc_motor
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.numerals import listed
 

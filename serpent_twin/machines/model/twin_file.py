@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
+from xml.etree import ElementTree
 
 import numpy as np
 from msgspec import field
@@ -15,7 +16,6 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector, effects_at
 from serpent_twin.machines.model.coordinates import arm_factors
 from serpent_twin.machines.model.drive_table import write_calibration
-from serpent_twin.machines.model.numbers import with_arms
 from serpent_twin.runs.files import write_json, write_whole
 
 if TYPE_CHECKING:
@@ -141,3 +141,15 @@ def write_twin(
     mjcf = with_arms(to_xml(spec, path.parent), arms)
     text = f"<!-- {note or 'all effects are here'}. -->\n{mjcf}"
     write_whole(path.with_suffix(".xml"), text)
+
+
+def with_arms(mjcf: str, factors: Mapping[str, float]) -> str:
+    """An MJCF whose fixed tendons have moment arms at joints, by name, times factors."""
+    if not factors:
+        return mjcf
+    root = ElementTree.fromstring(mjcf)
+    for tendon in root.iter("fixed"):
+        for each in tendon:
+            arm = float(each.get("coef", "1")) * factors.get(each.get("joint", ""), 1.0)
+            each.set("coef", repr(arm))
+    return ElementTree.tostring(root, encoding="unicode")
