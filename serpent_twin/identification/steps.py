@@ -41,7 +41,7 @@ from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.relieved import relieved, strained
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials, in_words
-from serpent_twin.identification.widened import FarOff, far_off
+from serpent_twin.identification.widened import far_off
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -121,7 +121,7 @@ class Tracer:
         base, rounds = calibrated, list[Round]()
         while len(rounds) < _MOST_EFFECTS and not self.late:
             done = self._round(base, rounds, opening)
-            if not rounds and (wide := self._far_off(opening, base, done)):
+            if not rounds and (wide := far_off(self.trials, self.case, opening, base, done)):
                 self.case = replace(self.case, widened=wide.case.widened, noise=wide.case.noise)
                 stage = f"widened_{mark(list(self.case.widened))}"
                 calibrated = base = self._reweighted(stage, wide.fit)
@@ -134,14 +134,6 @@ class Tracer:
         if better := exchanged(self.trials, self.case, base, rounds):
             self.case, base, rounds[:] = better.case, better.fit, better.rounds
         return calibrated, base, rounds
-
-    def _far_off(self, opening: Opening, base: Fit, done: Round) -> FarOff | None:
-        """A calibration with one number far off, in place of what a first round accepted; none is sought
-        where nothing was accepted and little is left.
-        """
-        if not done.accepted and self.trials.little(self.case, base, done.errors):
-            return None
-        return far_off(self.trials, self.case, opening, base, done)
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
         """The fit with an effect in place of a number that was moved beyond reason, or found far off; or

@@ -274,5 +274,6 @@ class Case(Generic[P]):
 
     def _weigh(self, error: Array, measured: Array) -> Array:
         """Errors, (D, S, T, C), over their noise, one row of numbers a segment, (D, S, T · C)."""
-        weighed = np.where(np.isfinite(measured), error / self.noise, 0.0).astype(np.float32)
+        with np.errstate(over="ignore"):  # of a twin that gave up
+            weighed = np.where(np.isfinite(measured), error / self.noise, 0.0).astype(np.float32)
         return weighed.reshape(*error.shape[:2], -1)
