@@ -68,7 +68,6 @@ def noise_alone(case: Case[Any], pieces: Any) -> float:
 
 def bars(
     case: Case[Any],
-    training: Any,
     found: Fit,
     error: float,
     held_out: Any,
@@ -76,12 +75,11 @@ def bars(
     rng: np.random.Generator,
     wider: float = 1.0,
 ) -> Bars:
-    """The bars for a twin fitted to training segments, which makes a mean error on held-out segments; its
-    standard errors are made so many times `wider`.
+    """The bars for a fitted twin that makes a mean error on held-out segments, whose standard errors are made
+    so many times `wider`.
     """
     camera = noise_alone(case, held_out)
     share = wider * min(1.0, BEYOND * camera / error) if error > 0 else wider
-    twins = drawn(case, training, found, rng, _DRAWS, share)
-    complete = case.expected(found.point, twins, held_out, rng)
+    complete = case.expected(found.point, drawn(case, found, rng, _DRAWS, share), held_out, rng)
     left = error * float(np.sqrt(neglected(case, found)))
     return Bars(camera, complete, noise.mean_jitter, case.machine.error_before_change, left)

@@ -68,8 +68,7 @@ def build_diagnosis(
     noise = found["corrected"].noise
     # More segments than the search's make what the twin idealises no smaller, and the bar allows for it.
     wider = float(np.sqrt(len(final.used) / len(selection.settled.used)))
-    judged = held["corrected"].marker, held_out
-    bar = bars(case, tracer.training, final, *judged, noise, rng, wider)
+    bar = bars(case, final, held["corrected"].marker, held_out, noise, rng, wider)
     error = {name: each.marker for name, each in held.items()}
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)

@@ -137,10 +137,6 @@ def _log(path, model, late, seed):
 
 def _traced(folder, tool, late, model=1.2, toml=TOML):
     """The selection of a trace of four short logs, whose tool has 1.2 kg in the model."""
-    return _tracer(folder, tool, late, model, toml).select()
-
-
-def _tracer(folder, tool, late, model=1.2, toml=TOML):
     Example(MJCF.format(tool=model), toml).write(folder)
     (folder / "logs").mkdir()
     for n in range(4):
@@ -151,7 +147,7 @@ def _tracer(folder, tool, late, model=1.2, toml=TOML):
     made = rig.open(logs[:-1])
     notes = Checkpoints(folder / "stages", made.clock)
     parts = made.pieces(logs[:-1]), made.pieces(logs[-1:])
-    return RefittingTracer(made, *parts, notes, lambda _: None, 0)
+    return RefittingTracer(made, *parts, notes, lambda _: None, 0).select()
 
 
 @pytest.mark.slow
@@ -163,13 +159,12 @@ def test_a_delay_is_found_that_a_calibration_would_absorb(tmp_path):
 
 @pytest.mark.slow
 def test_a_mass_that_is_not_there_is_no_friction(tmp_path):
-    tracer = _tracer(tmp_path, 0.001, 0.0)
-    selection, rng = tracer.select(), np.random.default_rng(0)
+    selection = _traced(tmp_path, 0.001, 0.0)
     assert not selection.final.point.effects
     found = moved(selection.case, selection.settled, ())
     assert [each.name for each in found] == ["mass of tool"]
     assert found[0].value < 0.1
-    several = drawn(selection.case, tracer.training, selection.final, rng, 20)
+    several = drawn(selection.case, selection.final, np.random.default_rng(0), 20)
     k = [each.name for each in selection.case.declared].index("mass of tool")
     assert max(1.2 * np.exp(each.declared[k]) for each in several) < 0.3
 

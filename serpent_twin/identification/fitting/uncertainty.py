@@ -1,14 +1,12 @@
 """What a fit leaves uncertain: twins within its uncertainty, and parameters that the logs cannot separate."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.fitted import Fit
-from serpent_twin.identification.fitting.free_parameters import moved, prior_information
+from serpent_twin.identification.fitting.free_parameters import moved
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import listed
@@ -16,20 +14,13 @@ from serpent_twin.numerals import listed
 _LISTED = 6
 _LEAST = 0.01
 """Share of a fitted number that a drawn one has at least"""
-_SHORTENED, _ALLOWED = 3, 0.8
-"""How often a drawn step is shortened at most; share of its length to which it may still have to be"""
 
 
 def drawn(
-    case: Case[Any],
-    training: Any,
-    found: Fit,
-    rng: np.random.Generator,
-    n: int,
-    share: float = 1.0,
+    case: Case[Any], found: Fit, rng: np.random.Generator, n: int, share: float = 1.0
 ) -> list[ParameterVector]:
-    """Twins that the training segments cannot distinguish from the one fitted to them; with only a share of
-    its standard errors, if given. A value that is at its limit stays.
+    """Twins that the data cannot distinguish from the fitted one; with only a share of its standard errors,
+    if given. A value that is at its limit stays.
     """
     ranges = [list(case.candidates[name].ranges.values())[k] for name, k in found.free.effects]
     values = [found.point.effects[name][k] for name, k in found.free.effects]
@@ -40,29 +31,7 @@ def drawn(
     far_off = [k for k, each in enumerate(found.free.declared) if _is_far_off(case, each)]
     # a number that may be nearly nothing is uncertain by itself, and not by its logarithm
     steps[:, far_off] = np.log1p(np.maximum(steps[:, far_off], _LEAST - 1))
-    return _not_told(case, training, found, steps)
-
-
-def _not_told(case: Case[Any], training: Any, found: Fit, steps: Array) -> list[ParameterVector]:
-    """Twins some steps from the fitted one, (n, m), shortened until they show no more in the segments of the
-    fit than its derivative allows: where friction bends a response, steps along which the derivative says
-    next to nothing show.
-    """
-    prior = prior_information(case, found.free)
-    told = (steps @ found.jacobian.reshape(len(found.error), -1).astype(float)) ** 2
-    allowed = told.sum(axis=1) / found.variance_inflation + steps**2 @ prior
-    case, pieces = replace(case, noise=found.noise), case.take(training, found.used)
-    length = np.ones(len(steps))
-    for _ in range(_SHORTENED + 1):
-        twins = [moved(case, found.point, found.free, step) for step in length[:, None] * steps]
-        shift = case.residual([found.point, *twins], pieces).astype(float)
-        shown = ((shift[1:] - shift[0]) ** 2).sum(axis=(1, 2)) / found.variance_inflation
-        by = np.sqrt(length**2 * allowed / shown, where=shown > 0, out=np.ones(len(steps)))
-        by[~np.isfinite(shown)] = 0.5
-        if (by >= _ALLOWED).all():
-            break
-        length *= np.minimum(by, 1.0)
-    return twins
+    return [moved(case, found.point, found.free, step) for step in steps]
 
 
 def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:
