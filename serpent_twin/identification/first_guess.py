@@ -44,9 +44,8 @@ def guessed(
     def made() -> Array:
         on_progress("first guess of rigid parts")
         parts = case.by_sites(training)
-        begun = case if parts is None else case.starting(parts)
-        more = _guess(begun, training, begun.shortest(training), on_progress)
-        return more if parts is None else parts + more
+        begun = case.starting(parts)
+        return parts + _guess(begun, training, begun.shortest(training), on_progress)
 
     return case.starting(kept(STAGE, len(case.declared), made))
 

@@ -144,10 +144,13 @@ class Case(Generic[P]):
         machine: Any = self.machine
         return machine.shortest(sessions) if hasattr(machine, "shortest") else None
 
-    def by_sites(self, sessions: Sequence[Any]) -> Array | None:
-        """Declared coordinates of rigid parts, (P,), as measured sites tell them; None where none do."""
+    def by_sites(self, sessions: Sequence[Any]) -> Array:
+        """Declared coordinates, (P,), of a machine that has short segments: its rigid parts are where
+        measured sites have them, and all else is 0.
+        """
         machine: Any = self.machine
-        return machine.by_sites(sessions) if hasattr(machine, "by_sites") else None
+        found: Array = machine.by_sites(sessions)
+        return found
 
     def starting(self, declared: Array) -> "Case[P]":
         """The case whose zeros are some values of the declared parameters, (P,)."""

@@ -23,7 +23,7 @@ def arm():
     return serpent(range(2), 40)
 
 
-def moved(machine, kind, seed=1):
+def moved(machine, kind, seed=3):
     """A twin whose numbers of a kind are off by half the width of their priors; hinges creep."""
     names = [each.name for each in machine.declared]
     some = np.array([name.startswith(kind) for name in names])
@@ -51,7 +51,7 @@ def test_each_kind_of_number_comes_over(arm, kind, tmp_path):
     apart = np.abs(shown - arm.of_design(design))
     assert apart[..., :27].mean() < 5e-5 and apart[..., 27:][arm.turns].mean() < 1.5e-3
     nominal = arm.machine.respond([ParameterVector.nominal(arm.machine.declared)], arm.pieces)[0]
-    assert np.abs(shown - nominal).mean() > 1.5 * apart.mean()
+    assert np.abs(shown - nominal).mean() > 2 * apart.mean()
 
 
 def test_effects_sensors_and_origin_come_over(arm, tmp_path):

@@ -202,13 +202,9 @@ class _ShownLater(ShownChanges):
     def _worthwhile(self, changes: int) -> bool:
         """Whether the products of so many changes are quicker by those of changes in single rows."""
         (_, T, C), (d, _, _, D) = self._rows.scale.shape, self._response.enters.shape
-        single = (
-            d * T * D * (D + d),
-            d**2 * T,
-        )  # multiplications in a row, once and for each change
-        return (
-            "_single" in vars(self) or single[0] + changes * single[1] < changes * d * (D + C) * D
-        )
+        once, each = d * T * D * (D + d), d**2 * T  # multiplications in a row
+        single = once + changes * each
+        return "_single" in vars(self) or single < changes * d * (D + C) * D
 
     @cached_property
     def _single(self) -> Array:

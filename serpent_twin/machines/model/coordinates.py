@@ -244,8 +244,11 @@ def arm_factors(
     model: mujoco.MjModel, all_of: Sequence[FittedNumber], values: Mapping[str, float]
 ) -> dict[str, float]:
     """By how much moment arms of joints, by name, are longer than the model's."""
-    changes = _changes(all_of, values, compiled=True)
-    return {model.joint(n).name: factor for _, n, factor in changes}
+    out: dict[str, float] = {}
+    for _, n, factor in _changes(all_of, values, compiled=True):
+        name = model.joint(n).name
+        out[name] = factor * out.get(name, 1.0)
+    return out
 
 
 def _changes(

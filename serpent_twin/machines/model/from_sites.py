@@ -31,7 +31,7 @@ _LEAST = 1e-9
 """Added where a pose is singular [m²]"""
 _SHIFT, _TURN = 2e-3, 5e-3
 """Standard deviations of the cameras' frame [m, rad]"""
-_NOISE = 2e-4
+NOISE = 2e-4
 """Least noise of a site's coordinate [m]: with less, nothing holds parts where they are drawn"""
 _AT_ONCE = 256
 """Poses that are computed side by side"""
@@ -178,7 +178,7 @@ class _Rigid:
             slope, by = slope * seen[..., None], by * seen[..., None]
             square = slope.swapaxes(1, 2) @ slope + _HELD * np.eye(slope.shape[-1])
             free = by - slope @ np.linalg.solve(square, slope.swapaxes(1, 2) @ by)
-            noise = max(_NOISE, float(np.sqrt(np.mean(off[seen] ** 2))))
+            noise = max(NOISE, float(np.sqrt(np.mean(off[seen] ** 2))))
             information = np.einsum("nki,nkj->ij", free, free) / noise**2 + np.diag(wide**-2)
             pull = np.einsum("nki,nk->i", free, off) / noise**2 - parts / wide**2
             step = np.linalg.solve(information, pull)

@@ -16,7 +16,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import side_by_side
 from serpent_twin.machines.machine import Declared
 from serpent_twin.machines.model.description import Described
-from serpent_twin.machines.model.from_sites import placed_joints, site_column
+from serpent_twin.machines.model.from_sites import NOISE, placed_joints, site_column
 from serpent_twin.machines.model.seen import Seen, address
 from serpent_twin.tables.log import Log
 
@@ -24,8 +24,6 @@ _ROWS, _STEPS = 300, 8
 """Rows by which parts are guessed, some; Gauss-Newton steps, at most"""
 _TURN = 1e-6
 """Change of a joint in a difference [rad, m]"""
-_NOISE = 2e-4
-"""Least noise of a site's coordinate [m]: with less, nothing holds parts where they are drawn"""
 _HELD = 1e-9
 """Added where a pose is singular [m²]"""
 _SETTLED = 1e-3
@@ -45,20 +43,16 @@ class Parts:
     declared: Sequence[Declared]
     compiled: Compiled
 
-    def guessed(self, sessions: Sequence[Log]) -> Array | None:
-        """The declared coordinates, (P,), 0 of those that move no site in a given pose; None where nothing
-        places the joints, or no coordinate moves any.
-        """
+    def guessed(self, sessions: Sequence[Log]) -> Array:
+        """The declared coordinates, (P,), 0 of those that move no site in a given pose."""
         joints = placed_joints(self.machine)
-        if not joints:
-            return None
         measured, pose = self._rows(sessions, joints)
         x, priors = np.zeros(len(self.declared)), np.array([each.prior for each in self.declared])
         which = np.arange(len(x))
         _, by = self._differences(x, pose[: len(joints)], which, joints)
         which = np.flatnonzero(np.abs(by[..., : len(x)]).max(axis=(0, 1)) > 0)
         if not which.size:
-            return None
+            return x
         for _ in range(_STEPS):
             place, by = self._differences(x, pose, which, joints)
             off = measured - place
@@ -124,7 +118,7 @@ def _step(off: Array, by: Array, x: Array, priors: Array) -> tuple[Array, Array]
     )
     free = parts - joints @ taken[..., :-1]
     left = off - (joints @ taken[..., -1:])[..., 0]
-    noise = max(_NOISE, float(np.sqrt(np.mean(left[seen] ** 2))))
+    noise = max(NOISE, float(np.sqrt(np.mean(left[seen] ** 2))))
     square = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2 + np.diag(priors**-2)
     step = np.linalg.solve(square, np.einsum("nki,nk->i", free, left) / noise**2 - x / priors**2)
     return step, taken[..., -1] - taken[..., :-1] @ step

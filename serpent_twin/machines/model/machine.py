@@ -183,12 +183,8 @@ class ModelMachine(MachineOfColumns):
             return None
         return shortest(self, self._begun(sessions))
 
-    def by_sites(self, sessions: Sequence[Log]) -> Array | None:
-        """Coordinates, (P,), by which rigid parts differ from the model, as measured sites tell them; None
-        where they tell nothing.
-        """
-        if self.described.about.rows == POSES or self.before.values:
-            return None
+    def by_sites(self, sessions: Sequence[Log]) -> Array:
+        """Coordinates, (P,), with which rigid parts are where measured sites have them; 0 of all else."""
         compiled = partial(self._compiled, effects=(), known=())
         parts = Parts(
             self.described, self.frame, self.declared, lambda x: (compiled(x), self.values(x))
