@@ -8,21 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from serpent_twin.arrays import Array
-from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.fitting.least_squares import OnProgress, fit, spread
-from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.tables.log import Log
 
-_SILENT, _AWAY = 1e-2, (-2.0, -1.0, 1.0, 2.0)
-"""Change of a residual by a width of a number's prior below which a derivative says nothing of it, such as of
-friction near rest where joints stick; and widths by which it is then tried
-"""
 STAGE = "first_guess"
 """Name of its stage"""
 _ROUNDS = 3
@@ -35,15 +27,19 @@ def guessed(
     on_progress: OnProgress,
     kept: Callable[[str, int, Callable[[], Array]], Array] = lambda _, __, make: make(),
 ) -> Case[Any]:
-    """The case whose zeros are a first guess, as `kept` has it by a name, where its machine has short
-    segments of the training logs and the guess leaves less of some usual ones than its model as it is.
+    """The case whose zeros are a first guess, as `kept` has it by a name: where the machine says that fits
+    begin; and where it has short segments of the training logs, what these say if that leaves less of some
+    usual ones.
     """
-    if case.shortest(training) is None:
+    begin, short = case.begin, case.shortest(training) is not None
+    if not short and not begin.any():
         return case
 
     def made() -> Array:
+        if not short:
+            return begin
         on_progress("first guess of rigid parts")
-        parts = case.by_sites(training)
+        parts = case.by_sites(training) + begin
         begun = case.starting(parts)
         return parts + _guess(begun, training, begun.shortest(training), on_progress)
 
@@ -58,9 +54,8 @@ def _guess(case: Case[Any], training: Sequence[Log], short: Any, on_progress: On
         on_progress(f"first guess from row to row, {n} of {_ROUNDS}")
         guess = guess.reweighted(point, short)
         some = _shared(case, free) if n == 1 else free
-        found = fit(guess, short, point, some, 1, len(short), used=range(len(short)))
+        found = fit(guess, short, point, some, 1, len(short), used=range(len(short)), far=True)
         point, guess = found.point, replace(guess, noise=found.noise)
-    point = _elsewhere(guess, short, found)
     pieces = case.pieces(training)
     some = case.take(pieces, spread(len(pieces), case.segments[0]))
     cost = (case.residual([nominal, point], some).astype(float) ** 2).sum(axis=(1, 2))
@@ -74,22 +69,3 @@ def _shared(case: Case[Any], free: FreeParameters) -> FreeParameters:
     return FreeParameters(
         tuple(k for k in free.declared if len(case.quantities[k].of) == 1), free.effects
     )
-
-
-def _elsewhere(case: Case[Any], short: Any, found: Fit) -> ParameterVector:
-    """A fit's point, or the best of those in which one number of which no derivative says anything is away
-    from there.
-    """
-    priors = np.array([each.prior for each in case.declared])
-    shown = np.linalg.norm(found.jacobian.reshape(len(priors), -1), axis=1) * priors
-    silent = np.flatnonzero(shown < _SILENT)
-    if not silent.size:
-        return found.point
-    steps = [by * priors[n] * np.eye(len(priors))[n] for n in silent for by in _AWAY]
-    points = [found.point, *(found.point.after(step) for step in steps)]
-    residuals = case.residual(points, short)
-    costs = [
-        cost_at(case, *each, found.variance_inflation)
-        for each in zip(points, residuals, strict=True)
-    ]
-    return points[int(np.nanargmin(costs))]

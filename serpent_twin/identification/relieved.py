@@ -12,13 +12,13 @@ import numpy as np
 
 from serpent_twin.identification.absorbed import without_move
 from serpent_twin.identification.acceptance import HARDLY, CandidateTrial, Round, best_trial
+from serpent_twin.identification.fitting.far_steps import DECISIVE
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.objective import prior_squares
 from serpent_twin.identification.held_out import gain
 from serpent_twin.identification.rivals import along_one_line
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
-from serpent_twin.identification.widened import DECISIVE
 from serpent_twin.machines.case import Case
 
 _ALIKE, _TRIED = 0.9, 3

@@ -235,7 +235,7 @@ class Tracer:
         weight hides how much of it a better fit explains.
         """
         case = replace(self.case, noise=first.noise)  # which its residual is weighed by
-        self.case, found = self.trials.reweighted(case, first, name)
+        self.case, found = self.trials.reweighted(case, first, name, far=True)
         return found
 
     def _weighed_by(self, found: Fit) -> Case[Any]:

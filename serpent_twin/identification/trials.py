@@ -158,9 +158,16 @@ class Trials:
         except UnstableStartError:
             return None
 
-    def further(self, case: Case[Any], begun: Fit, stage: str, derivatives: int = _MORE) -> Fit:
+    def further(
+        self,
+        case: Case[Any],
+        begun: Fit,
+        stage: str,
+        derivatives: int = _MORE,
+        far: bool = False,
+    ) -> Fit:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
-        compared with others should not be half-way.
+        compared with others should not be half-way. It may go `far` with one number.
         """
         self.on_progress(f"fitting {in_words(begun.point)} further")
         most, free = len(begun.used), begun.free
@@ -175,15 +182,16 @@ class Trials:
                 most,
                 self.on_progress,
                 carried=begun,
+                far=far,
             ),
         )
 
     def reweighted(
-        self, case: Case[Any], begun: Fit, stage: str, once: bool = False
+        self, case: Case[Any], begun: Fit, stage: str, once: bool = False, far: bool = False
     ) -> tuple[Case[Any], Fit]:
         """A fit gone on with until its weights settle, with its case; `once` is enough to compare it.
 
-        The first new weights are rough, and where a derivative is dear they get none.
+        The first new weights are rough, and where a derivative is dear they get none. Each fit may go `far`.
         """
         rough = not once and not derives_cheaply(case)
         for n in range(1 if once else _REWEIGHTED):
@@ -191,7 +199,7 @@ class Trials:
             if n > rough and settled.weighs_like(case):
                 break
             derivatives = 0 if rough and n == 0 else _MORE
-            begun = self.further(settled, begun, f"{stage}_again_{n}", derivatives)
+            begun = self.further(settled, begun, f"{stage}_again_{n}", derivatives, far)
             case = settled
         return case, begun
 

@@ -9,6 +9,7 @@ import numpy as np
 from serpent_twin.identification.acceptance import CHANCE, HARDLY, CandidateTrial, Round
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.explained import weighed_by_left
+from serpent_twin.identification.fitting.far_steps import DECISIVE
 from serpent_twin.identification.fitting.fitted import Fit, fits_better
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.information import Information
@@ -28,10 +29,6 @@ _AWAY = 3.0
 """Least logarithm to which a number may go that can be as good as absent: a twentieth"""
 _WIDE = 0.5
 """Standard deviation of a widened prior, of how far the number may go"""
-DECISIVE = 6.0
-"""Least decrease of squares and priors, as twice the logarithm of a Bayes factor: strong evidence (Kass and
-Raftery, JASA 90, 1995)
-"""
 _STARTS = (-1.0, -0.33, 0.0, 0.33)
 """Where fits begin, of how far the number may go: absent, a tenth, as in the model, tenfold"""
 

@@ -144,6 +144,11 @@ class Case(Generic[P]):
         machine: Any = self.machine
         return machine.shortest(sessions) if hasattr(machine, "shortest") else None
 
+    @property
+    def begin(self) -> Array:
+        """Declared coordinates at which a first guess begins, (P,)."""
+        return getattr(self.machine, "begin", np.zeros(len(self.declared)))
+
     def by_sites(self, sessions: Sequence[Any]) -> Array:
         """Declared coordinates, (P,), of a machine that has short segments: its rigid parts are where
         measured sites have them, and all else is 0.

@@ -1,7 +1,6 @@
 """Test first guesses of a machine whose joints are seen by sites alone, against an independent motion."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import moving_models
 import numpy as np
@@ -9,8 +8,7 @@ import pytest
 from example import opened, table
 from posed_models import places
 
-from serpent_twin.identification.first_guess import _elsewhere, guessed
-from serpent_twin.machines.machine import Declared, ParameterVector
+from serpent_twin.identification.first_guess import guessed
 from serpent_twin.machines.model import open_machine
 
 SITE = """
@@ -82,24 +80,14 @@ def test_machines_whose_joints_are_read_start_at_their_model(tmp_path):
     assert guessed(case, [], lambda _: None) is case
 
 
-@pytest.mark.parametrize(("goal", "expected"), [(-2.0, -6.0), (1.0, 3.0), (None, 0.0)])
-def test_a_number_of_which_no_derivative_says_anything_is_tried_elsewhere(goal, expected):
-    """It shows near the goal alone, in widths of its prior; the other number is at its best already."""
-    declared = [Declared("speaks", "1", 1.0, 0.1), Declared("silent", "1", 3.0, 0.1)]
-
-    def residual(points, _):
-        near = [goal is not None and abs(p.declared[1] - 3 * goal) < 1 for p in points]
-        return np.array(
-            [
-                [[4.0 * (not each), p.declared[0] - 0.5]]
-                for each, p in zip(near, points, strict=True)
-            ]
-        )
-
-    found = SimpleNamespace(
-        point=ParameterVector(np.array([0.5, 0.0])),
-        jacobian=np.array([[[0.0, 1.0]], [[0.0, 0.0]]]),
-        variance_inflation=1.0,
-    )
-    case = SimpleNamespace(declared=declared, residual=residual)
-    assert _elsewhere(case, None, found).declared == pytest.approx([0.5, expected])
+def test_a_fit_begins_where_the_machine_says(tmp_path):
+    """Of what is listed, in the terms of its prior; all else begins as the model has it."""
+    path = moving_models.machine(tmp_path / "machine")
+    listed = '[[uncertain]]\nnumber = "joint damping"\nof = ["*"]\nprior = 1.0\nbegin = -0.5\n'
+    path.write_text(path.read_text() + listed)
+    case, _, _ = opened(path, moving_models.log(tmp_path / "log.csv", 1))
+    found = guessed(case, [], lambda _: None)
+    (damping,) = (q for q in found.quantities if q.name.startswith("joint damping"))
+    assert damping.start == pytest.approx(damping.nominal * np.exp(-0.5))
+    was = [q.start for q in case.quantities if q.name != damping.name]
+    assert [q.start for q in found.quantities if q.name != damping.name] == was

@@ -12,6 +12,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting import weak_steps
+from serpent_twin.identification.fitting.far_steps import elsewhere
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import FreeParameters, between
 from serpent_twin.identification.fitting.objective import At, Objective
@@ -55,6 +56,7 @@ def fit(
     rounds: int = 0,
     afresh: bool = False,
     used: Sequence[int] = (),
+    far: bool = False,
 ) -> Fit:
     """Fit to at most so many segments, those `used` or spread evenly, with at most so many derivatives.
 
@@ -64,7 +66,8 @@ def fit(
     maybe fewer segments, the derivative is taken for the first steps instead of a simulation. The fit has
     converged when a new derivative gives no better step; with no steps it is the derivative at the start.
     Above the cost `near` there is no second derivative, and small steps are not worth it. In so many `rounds`
-    at most a fit is finished along what the data tell least.
+    at most a fit is finished along what the data tell least. It may also go `far` with one number, after its
+    first derivative.
     """
     if steps is None:
         steps = case.steps_of_derivative
@@ -84,6 +87,8 @@ def fit(
             at, jacobian = problem.again(at.point)
         before, begun = at.cost, at.point
         at, jacobian = descend(problem, at, jacobian, steps, small)
+        if far and n == (carried is not None):
+            at = elsewhere(problem, at, jacobian)
         what = (
             f"derivative {n + (not carried)} of {derivatives}"
             if n or not carried

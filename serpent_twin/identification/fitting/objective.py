@@ -24,6 +24,10 @@ _SINGLE = 1e-5
 """Relative rounding of a normal matrix of derivatives in single precision"""
 _DAMPINGS = (0.3, 3.0)
 """Levenberg's, tried where the step without is no improvement; from then on beside it"""
+_SILENT = 1e-2
+"""Change of a residual by a width of a number's prior below which a derivative says nothing of it, such as of
+friction near rest where joints stick, or of a friction that holds its joint
+"""
 _SHORTER = (0.5, 0.2)
 """Shares of the step, tried then too: where a residual bends along it, they get much further than damping"""
 
@@ -140,11 +144,7 @@ class Objective:
         alone; then of shorter and more damped ones; or nothing. From then on the first few are tried side by
         side, up to the next derivative.
         """
-        flat = jacobian.reshape(len(self.free), -1)
-        normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
-        pull = -(flat @ at.residual.ravel()) / self.variance_inflation
-        pull -= self.prior * self.lean(at.point)
-        ends = room(self.case, at.point, self.free)
+        normal, pull, ends = self._linear(at, jacobian)
         plain = least(normal, pull, *ends)
 
         def after(*steps: Array) -> list[ParameterVector]:
@@ -168,12 +168,23 @@ class Objective:
         for group in (*first, third):
             tried = group()
             self.damped = len(tried) > 1
-            found = self.residuals(tried)
-            costs = [self.cost(each, there) for each, there in zip(found, tried, strict=True)]
-            best = int(np.argmin(costs))
-            if costs[best] < at.cost:
-                return At(tried[best], found[best], costs[best])
+            best = min(self.reached(tried), key=lambda each: each.cost)
+            if best.cost < at.cost:
+                return best
         return None
+
+    def linear_step(self, at: At, jacobian: Array) -> Array:
+        """Gauss-Newton's step, (len(free),)."""
+        normal, pull, ends = self._linear(at, jacobian)
+        return least(normal, pull, *ends)
+
+    def _linear(self, at: At, jacobian: Array) -> tuple[Array, Array, tuple[Array, Array]]:
+        """The normal matrix, what pulls, and the longest steps down and up."""
+        flat = jacobian.reshape(len(self.free), -1)
+        normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
+        pull = -(flat @ at.residual.ravel()) / self.variance_inflation
+        pull -= self.prior_pull(at.point, flat)
+        return normal, pull, room(self.case, at.point, self.free)
 
     def _left_by(self, known: Fit | None) -> Array:
         """What still pulled at the declared parameters where the known fit ended, since no step along it gave
@@ -203,6 +214,14 @@ class Objective:
         self._timestep, self._correction = self.case.coarse_step([point]), None
         return self._anchor
 
+    def reached(self, points: Sequence[ParameterVector]) -> list[At]:
+        """Some parameter vectors with their residuals, as `residuals` has them."""
+        found = self.residuals(points) if points else ()
+        return [
+            At(point, each, self.cost(each, point))
+            for point, each in zip(points, found, strict=True)
+        ]
+
     def residuals(self, points: Sequence[ParameterVector]) -> Array:
         """Residuals in longer time steps, corrected by what these change where the derivative was taken; in
         the usual ones where they are unstable.
@@ -221,6 +240,13 @@ class Objective:
         """Deviations of the free parameters from their prior means; 0 for effects, which have no prior."""
         declared = point.declared[list(self.free.declared)]
         return np.r_[declared, np.zeros(len(self.free.effects))]
+
+    def prior_pull(self, point: ParameterVector, slopes: Array) -> Array:
+        """How much priors pull at each free parameter away from where it is; not at all at one of which the
+        derivative, (len(free), N), says nothing: what brought it there is further away than a slope sees.
+        """
+        told = (slopes.astype(float) ** 2).sum(axis=1) > _SILENT**2 * self.prior
+        return np.where(told, self.prior * self.lean(point), 0.0)
 
     def cost(self, residual: Array, point: ParameterVector) -> float:
         """Weighted squares and priors, as `Fit.cost`; infinite where a simulation gave up."""

@@ -109,21 +109,21 @@ def _stepped(problem: Objective, at: At, scaled: Array, width: Array, weak: Arra
     """
     each, prior = problem.variance_inflation, problem.prior * width**2
     normal = scaled @ scaled.T / each + np.diag(prior)
-    pull = -(scaled @ at.residual.ravel()) / each - prior * problem.lean(at.point) / width
+    pull = -(scaled @ at.residual.ravel()) / each
+    pull -= problem.prior_pull(at.point, scaled / width[:, None]) * width
     low, high = (end / width for end in room(problem.case, at.point, problem.free))
     ways = [least(normal, some, low, high) for some in (pull, weak @ (weak.T @ pull))]
     wanted, best = [share * way for way in ways for share in _STEPS], at
     steps = list(wanted)
     for n in range(_CORRECTIONS + 1):
         points = [curved(problem.case, at.point, problem.free, step * width) for step in steps]
-        found = problem.residuals(points)
-        tried = map(At, points, found, map(problem.cost, found, points))
-        best = min((best, *tried), key=lambda each: each.cost)
+        reached = problem.reached(points)
+        best = min((best, *reached), key=lambda each: each.cost)
         if n == _CORRECTIONS:
             break
-        for k, (point, residual) in enumerate(zip(points, found, strict=True)):
-            went = straight(at.point, point, problem.free) / width
-            bent = (residual - at.residual).ravel() - went @ scaled
+        for k, there in enumerate(reached):
+            went = straight(at.point, there.point, problem.free) / width
+            bent = (there.residual - at.residual).ravel() - went @ scaled
             if np.isfinite(bent).all():
                 back = -(scaled @ bent) / each
                 steps[k] = wanted[k] + least(normal, back, low - wanted[k], high - wanted[k])

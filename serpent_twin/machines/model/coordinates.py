@@ -67,6 +67,8 @@ class FittedNumber:
     """What of the model it changes; nothing for what is no number of the model"""
     of: tuple[int, ...] = ()
     """Of which of its things"""
+    begin: float = 0.0
+    """Where a fit begins"""
 
     def guessed(self, guess: Mapping[str, float]) -> "FittedNumber":
         """A coordinate whose quantity starts at a first guess of all coordinates, by name."""
@@ -132,7 +134,7 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
     for pattern in uncertain.of:
         which = tuple(n for n, name in enumerate(known) if fnmatchcase(name, pattern))
         shared = _coordinate(model, uncertain.number, which, prior, pattern)
-        yield shared
+        yield replace(shared, begin=uncertain.begin)
         apart = uncertain.each or 0.0
         for n in which if apart and len(which) > 1 else ():
             one = _coordinate(model, uncertain.number, (n,), apart, known[n])

@@ -183,6 +183,12 @@ class ModelMachine(MachineOfColumns):
             return None
         return shortest(self, self._begun(sessions))
 
+    @property
+    def begin(self) -> Array:
+        """Coordinates at which a first guess begins, (P,)."""
+        known = bool(self.before.values)
+        return np.array([0.0 if known else each.begin for each in self._free])
+
     def by_sites(self, sessions: Sequence[Log]) -> Array:
         """Coordinates, (P,), with which rigid parts are where measured sites have them; 0 of all else."""
         compiled = partial(self._compiled, effects=(), known=())
