@@ -54,7 +54,7 @@ def _guess(case: Case[Any], training: Sequence[Log], short: Any, on_progress: On
         on_progress(f"first guess from row to row, {n} of {_ROUNDS}")
         guess = guess.reweighted(point, short)
         some = _shared(case, free) if n == 1 else free
-        found = fit(guess, short, point, some, 1, len(short), used=range(len(short)), far=True)
+        found = fit(guess, short, point, some, 1, len(short), used=range(len(short)))
         point, guess = found.point, replace(guess, noise=found.noise)
     pieces = case.pieces(training)
     some = case.take(pieces, spread(len(pieces), case.segments[0]))

@@ -22,6 +22,8 @@ from serpent_twin.sim.reading_age import without_age
 
 KIND = "serpent"
 """Name of the arm's machine.toml"""
+_HOLDS = 0.1
+"""Friction [N m] with which the jaw is held: no cable pulls as much at its pulley of 4 mm"""
 _Value = Annotated[float, stored.within(-1e6, 1e6)]
 _LINKS = tuple(f"link{i}" for i in range(1, N_JOINTS + 1))
 _MARKERS = tuple(f"marker{i}" for i in range(1, N_JOINTS + 1))
@@ -102,13 +104,16 @@ class MachineFile(stored.OpenForm, frozen=True):
             np.arange(N_JOINTS) % 2, of("joint axis z", joints), -of("joint axis y", joints)
         )
         leans = np.stack([of("joint axis x", joints), across], axis=1)
+        jaw = of("joint friction", ("jaw",))
+        held = NOMINAL.joint_friction * np.exp(jaw[0]) > _HOLDS
         longer = np.append(np.expm1(of("body x", _LINKS[1:])), 0.0)
         return Deviations(
             strand_stiffness=_floats(of("tendon stiffness", strands)),
             strand_slack=_floats(1e-3 * of("tendon slack", strands)),
             winch_radius=_floats(np.expm1(of("moment arm", motors))),
             joint_friction=_floats(of("joint friction", joints)),
-            jaw_friction=_floats(of("joint friction", ("jaw",))),
+            jaw_friction=(0.0,) if held else _floats(jaw),
+            jaw_held=(float(held),),
             joint_damping=_floats(of("joint damping", joints)),
             gear_friction=_floats(of("joint friction", motors)),
             marker=_floats(1e-3 * places),

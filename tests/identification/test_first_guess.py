@@ -81,13 +81,13 @@ def test_machines_whose_joints_are_read_start_at_their_model(tmp_path):
 
 
 def test_a_fit_begins_where_the_machine_says(tmp_path):
-    """Of what is listed, in the terms of its prior; all else begins as the model has it."""
+    """Of what is listed, which is no finding; all else begins as the model has it."""
     path = moving_models.machine(tmp_path / "machine")
     listed = '[[uncertain]]\nnumber = "joint damping"\nof = ["*"]\nprior = 1.0\nbegin = -0.5\n'
     path.write_text(path.read_text() + listed)
     case, _, _ = opened(path, moving_models.log(tmp_path / "log.csv", 1))
     found = guessed(case, [], lambda _: None)
     (damping,) = (q for q in found.quantities if q.name.startswith("joint damping"))
-    assert damping.start == pytest.approx(damping.nominal * np.exp(-0.5))
+    assert damping.start == damping.nominal == pytest.approx(0.15 * np.exp(-0.5))
     was = [q.start for q in case.quantities if q.name != damping.name]
     assert [q.start for q in found.quantities if q.name != damping.name] == was

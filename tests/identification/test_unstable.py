@@ -80,6 +80,22 @@ def test_a_start_that_is_unstable_is_an_error():
         base_of(arm)
 
 
+@pytest.mark.parametrize("far", [1e30, np.nan])
+def test_a_fit_takes_the_usual_steps_where_longer_ones_explode(far):
+    """In one segment: what long steps are off by there would hide what a step of the fit changes."""
+
+    @dataclass(frozen=True)
+    class Exploding(LinearCase):
+        def residual(self, points, pieces, timestep=None):
+            out = super().residual(points, pieces)
+            out[:, 0] += far if timestep else 0.0
+            return out
+
+    arm = Exploding(**case(0.0).__dict__)
+    found = fit(arm, every(), START, free_parameters(arm, []), 2, SEGMENTS)
+    assert_allclose(found.point.declared, [1.0, -2.0], atol=0.05)
+
+
 def test_a_score_test_retries_with_a_weaker_effect():
     """Its typical strength, 1, gives up, a tenth does not: the same answer, in proportion."""
     arm, sound = fragile(gust=0.5), fragile()

@@ -54,6 +54,19 @@ def test_each_kind_of_number_comes_over(arm, kind, tmp_path):
     assert np.abs(shown - nominal).mean() > 2 * apart.mean()
 
 
+def test_a_jaw_that_friction_holds_is_held_in_the_twin(arm, tmp_path):
+    """It has no weight there: through a soft constraint so light a jaw would creep under its cable."""
+    begin = arm.machine.begin
+    design = written(arm, ParameterVector(begin), tmp_path).design
+    assert design.tolerances.jaw_held == (1.0,) and design.tolerances.jaw_friction == (0.0,)
+    shown = arm.machine.respond([ParameterVector(begin)], arm.pieces)[0]
+    apart = np.abs(shown - arm.of_design(design))
+    assert apart[..., :27].mean() < 5e-5 and apart[..., 27:][arm.turns].mean() < 1.5e-3
+    light = np.where([d.name.endswith("of jaw") for d in arm.machine.declared], 0.0, begin)
+    turns = arm.machine.respond([ParameterVector(light)], arm.pieces)[0]
+    assert np.abs(shown - turns)[..., 36].mean() > 3e-3
+
+
 def test_effects_sensors_and_origin_come_over(arm, tmp_path):
     at = ParameterVector.nominal(arm.machine.declared)
     point = at.having("cable_friction", np.array([0.1, 0.1, 0.0, 0.005, -1.0]))

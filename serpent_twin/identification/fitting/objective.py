@@ -224,13 +224,19 @@ class Objective:
 
     def residuals(self, points: Sequence[ParameterVector]) -> Array:
         """Residuals in longer time steps, corrected by what these change where the derivative was taken; in
-        the usual ones where they are unstable.
+        the usual ones where that is as much as the residual, or they are unstable.
         """
+        if self._timestep and self._correction is None:
+            anchor = self.case.residual([self._anchor.point], self.some, self._timestep)[0]
+            self._correction = self._anchor.residual - anchor
+            changed, left = (
+                np.linalg.norm(each.astype(float))
+                for each in (self._correction, self._anchor.residual)
+            )
+            if not changed < left:  # also where it is not finite
+                self._timestep = None
         if self._timestep:
-            if (correction := self._correction) is None:
-                anchor = self.case.residual([self._anchor.point], self.some, self._timestep)[0]
-                self._correction = correction = self._anchor.residual - anchor
-            found = self.case.residual(points, self.some, self._timestep) + correction
+            found = self.case.residual(points, self.some, self._timestep) + self._correction
             if np.isfinite(found).any():
                 return found
             self._timestep = None

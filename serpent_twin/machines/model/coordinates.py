@@ -134,7 +134,10 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
     for pattern in uncertain.of:
         which = tuple(n for n, name in enumerate(known) if fnmatchcase(name, pattern))
         shared = _coordinate(model, uncertain.number, which, prior, pattern)
-        yield replace(shared, begin=uncertain.begin)
+        expected = shared.quantity.after(uncertain.begin)
+        yield replace(
+            shared, begin=uncertain.begin, quantity=replace(shared.quantity, nominal=expected)
+        )
         apart = uncertain.each or 0.0
         for n in which if apart and len(which) > 1 else ():
             one = _coordinate(model, uncertain.number, (n,), apart, known[n])
@@ -142,7 +145,9 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
             declared = one.declared
             if declared.farthest < np.inf:
                 declared = replace(declared, farthest=min(_APART * apart, _FARTHEST))
-            yield replace(one, declared=declared, quantity=replace(one.quantity, of=of))
+            expected = one.quantity.after(uncertain.begin)
+            quantity = replace(one.quantity, of=of, nominal=expected)
+            yield replace(one, declared=declared, quantity=quantity)
 
 
 def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:
