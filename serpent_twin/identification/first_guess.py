@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.fitting.least_squares import OnProgress, fit, spread
@@ -55,6 +57,8 @@ def _guess(case: Case[Any], training: Sequence[Log], short: Any, on_progress: On
         guess = guess.reweighted(point, short)
         some = _shared(case, free) if n == 1 else free
         found = fit(guess, short, point, some, 1, len(short), used=range(len(short)))
+        if not np.isfinite(found.residual).all():  # stable in longer time steps alone
+            break
         point, guess = found.point, replace(guess, noise=found.noise)
     pieces = case.pieces(training)
     some = case.take(pieces, spread(len(pieces), case.segments[0]))

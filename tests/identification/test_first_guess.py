@@ -1,14 +1,16 @@
 """Test first guesses of a machine whose joints are seen by sites alone, against an independent motion."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import moving_models
 import numpy as np
 import pytest
 from example import opened, table
+from linear_case import LinearCase, case, every
 from posed_models import places
 
-from serpent_twin.identification.first_guess import guessed
+from serpent_twin.identification.first_guess import _guess, guessed
 from serpent_twin.machines.model import open_machine
 
 SITE = """
@@ -91,3 +93,26 @@ def test_a_fit_begins_where_the_machine_says(tmp_path):
     assert damping.start == damping.nominal == pytest.approx(0.15 * np.exp(-0.5))
     was = [q.start for q in case.quantities if q.name != damping.name]
     assert [q.start for q in found.quantities if q.name != damping.name] == was
+
+
+def test_a_guess_that_is_stable_in_longer_steps_alone_is_none():
+    """A later round would begin there with an error."""
+
+    @dataclass(frozen=True)
+    class Brittle(LinearCase):
+        def residual(self, points, pieces, timestep=None):
+            out = super().residual(points, pieces, timestep)
+            brittle = [timestep is None and each.declared[0] > 0.5 for each in points]
+            out[brittle] = np.nan
+            return out
+
+        def reweighted(self, point, pieces):
+            return self
+
+        def pieces(self, sessions):
+            return every()
+
+    said: list[str] = []
+    arm = Brittle(**case(0.0).__dict__)
+    np.testing.assert_array_equal(_guess(arm, [], every(), said.append), np.zeros(2))
+    assert len(said) == 1
