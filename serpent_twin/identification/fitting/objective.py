@@ -228,14 +228,13 @@ class Objective:
         """
         if self._timestep and self._correction is None:
             anchor = self.case.residual([self._anchor.point], self.some, self._timestep)[0]
-            self._correction = self._anchor.residual - anchor
+            self._correction = change = self._anchor.residual - anchor
             changed, left = (
-                np.linalg.norm(each.astype(float))
-                for each in (self._correction, self._anchor.residual)
+                np.linalg.norm(each.astype(float)) for each in (change, self._anchor.residual)
             )
             if not changed < left:  # also where it is not finite
                 self._timestep = None
-        if self._timestep:
+        if self._timestep and self._correction is not None:
             found = self.case.residual(points, self.some, self._timestep) + self._correction
             if np.isfinite(found).any():
                 return found
