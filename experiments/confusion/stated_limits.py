@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from experiments.arm_catalogue import CATALOGUE
 from serpent_twin.effects import Effect, ranges, strengths
 from serpent_twin.identification import Trace
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.run import planned
 from serpent_twin.identification.score_test import scores
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.machines.machine import ParameterVector
 
 

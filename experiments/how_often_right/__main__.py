@@ -10,11 +10,11 @@ from pathlib import Path
 from experiments.confusion.arm_line import read
 from experiments.how_often_right.rates import rates
 from experiments.result_page import PAGES, publish, store
-from serpent_twin import __version__
+from serpent_twin import __version__, machines
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.arm import track_record
+from serpent_twin.machines.model.track_record import FILE
 from serpent_twin.numerals import counted, listed
 from serpent_twin.runs.files import write_json
 
@@ -50,8 +50,9 @@ def main(config: HowOftenRight) -> None:  # noqa: D103 tyro would print it above
     for name, told in found["rates"].items():
         print(f"{name}: {told['said']}")
     if config.record:
-        write_json(track_record.FILE, {"version": config.version, "names": found["names"]})
-        print(f"{track_record.FILE}: what reports quote of {counted(len(found['names']), 'name')}.")
+        record = machines.find(machines.ARM).described.path.with_name(FILE)
+        write_json(record, {"version": config.version, "names": found["names"]})
+        print(f"{record}: what reports quote of {counted(len(found['names']), 'name')}.")
     publish(results, config.page)
 
 

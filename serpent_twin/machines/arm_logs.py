@@ -1,0 +1,50 @@
+"""Make session logs of the serpent arm logs of the machine that a machine.toml describes."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model import ModelRig, log_file
+from serpent_twin.machines.model.clocks import PRIOR
+from serpent_twin.machines.model.log_files import LogTables
+from serpent_twin.machines.model.reading import read
+from serpent_twin.machines.model.starts import with_starts
+from serpent_twin.sessions import Session, columns_of, read_folder, read_session, refuse_damaged
+from serpent_twin.tables import DataTable
+from serpent_twin.tables.log import Log
+
+
+@dataclass(frozen=True, eq=False)
+class SessionRig(ModelRig):
+    """A machine whose logs are checked sessions, with the metadata of their recorder."""
+
+    def read(self, source: Path) -> list[Log]:
+        """The sessions of a folder, or that of one file, checked."""
+        return self.logs([read_session(source)] if source.is_file() else read_folder(source))
+
+    def logs(self, sessions: Sequence[Session]) -> list[Log]:
+        """The logs of sessions, several where the clock of one pauses; raises a `SerpentError` that quotes
+        what is damaged.
+        """
+        refuse_damaged(list(sessions))
+        logs = [log for session in sessions for log in self._logs(session)]
+        return with_starts(self.described, logs)
+
+    def _logs(self, session: Session) -> Iterator[Log]:
+        if not np.isfinite(session.marker).any():
+            raise SerpentError(
+                f"{session.path or session.name} has no markers, which show where the arm was. "
+                "Add them: python -m serpent_twin.mocap merge --help."
+            )
+        table = DataTable(session.path or Path(session.name), columns_of(session))
+        for log in log_file.read(self.described, LogTables(session.label, (table,))):
+            about = log.metadata | session.metadata | {PRIOR: session.prior_runtime + log.time[0]}
+            yield replace(log, path=session.path, label=log.name, metadata=about)
+
+
+def open_arm(path: Path) -> SessionRig:
+    """The serpent arm, as a machine.toml describes it."""
+    return SessionRig(read(path))
