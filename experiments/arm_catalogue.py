@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 
-from serpent_twin import machines
+from serpent_twin import machines, stored
 from serpent_twin.effects import KNOWN, Effect
 from serpent_twin.machines.candidate import Candidate, candidate
+from serpent_twin.machines.model.description import ADVICE, Description
 
-CATALOGUE: Mapping[str, type[Effect]] = {
-    name: KNOWN[name] for name in machines.find(machines.ARM).described.about.candidates
-}
+_ABOUT = stored.read_toml(machines.PACKAGED, Description, ADVICE)
+CATALOGUE: Mapping[str, type[Effect]] = {name: KNOWN[name] for name in _ABOUT.candidates}
 """The arm's candidates by name"""
 
 

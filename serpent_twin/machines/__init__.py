@@ -12,7 +12,7 @@ ARM = "arm"
 """The machine that `collect` and `follow` command"""
 RIGS: Mapping[str, str] = {ARM: "the cable-driven serpentine arm"}
 """What each rig is that the package describes, by name"""
-_PACKAGED = Path(__file__).parents[1] / "model" / "machine.toml"
+PACKAGED = Path(__file__).parents[1] / "model" / "machine.toml"
 """Describes the arm"""
 _DESCRIBED = ("jaw", "trunk", "xl330")
 """Rigs of before, which are folders of `experiments/measured` now"""
@@ -25,7 +25,7 @@ def named(rig: str, machine: Path | None) -> str:
     path = machine / "machine.toml" if machine.is_dir() else machine
     if path.suffix != ".toml":
         raise SerpentError(f"--machine {machine} is no .toml file. Name a machine.toml.")
-    return ARM if path.resolve() == _PACKAGED.resolve() else str(path.resolve())
+    return ARM if path.resolve() == PACKAGED.resolve() else str(path.resolve())
 
 
 def made_of(rig: Rig) -> dict[str, str]:
@@ -47,4 +47,4 @@ def find(name: str) -> Rig:
         raise SerpentError(f"{name} is no rig any more: give --machine {where} in place of --rig.")
     if name not in RIGS and not name.endswith(".toml"):
         raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(RIGS)}.")
-    return importlib.import_module(f"{__name__}.arm_logs").open_arm(_PACKAGED)
+    return importlib.import_module(f"{__name__}.arm_logs").open_arm(PACKAGED)

@@ -1,6 +1,6 @@
 """Plan a motion from its options, and write it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -118,7 +118,7 @@ def proposed(trace: Traced, count: int, rng: np.random.Generator) -> Proposals[A
     """Up to `count` motions of the traced machine, simulated by its twin; raises a `SerpentError` where
     no motion keeps its limits.
     """
-    machine = trace.case.machine
+    machine: Any = trace.case.machine
     from serpent_twin.machines.model import proposing
     from serpent_twin.recording import arm_motions
 

@@ -119,8 +119,9 @@ class CableDynamics(Stepper[Moment]):
         ids: NDArray[np.intp] | None = None,
         seen: bool = True,
     ) -> None:
-        """Let the effects act on the next time step, and take it, of the runs `ids` alone if given. Effects on
-        what sensors show act only in steps that are `seen`.
+        """Let the effects act on the next time step, and take it, of the runs `ids` alone if given.
+
+        Effects on what sensors show act only in steps that are `seen`.
         """
         if self.moving or (self.acting and seen):
             moment = self.moment(time, motor_angle, motor_velocity, dt)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench_arm import NONE, Job, draw, inject, record_many
+from serpent_twin import machines
 from serpent_twin.identification.acceptance import SURE
 from serpent_twin.identification.check_logs import Check, check
 from serpent_twin.identification.detection import identifiability, opening_fit
@@ -13,10 +14,10 @@ from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.information import Information
 from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.score_test import scores
-from serpent_twin.machines.arm import MACHINE
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.sessions import read_session, write_session
 
+MACHINE = machines.find("arm")
 EFFECT, SEED, SESSIONS, STEPS = "payload", 5, 2, 600
 SUBSTEPS = 40
 STILL = 3  # index of the motor that never turns

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from paths import DATA
+from serpent_twin.machines.arm import ArmRig
 
 from bench_arm import NONE, Job, draw, inject, record_many
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
-from serpent_twin.machines.arm import ArmRig
 from serpent_twin.sessions import read_session, write_session
 from serpent_twin.sim import twin_model
 

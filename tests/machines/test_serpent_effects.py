@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from serpent_twins import serpent
 
+from experiments.arm_catalogue import CATALOGUE
 from serpent_twin.arm.mjcf import MODEL
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import parse
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.sim.arm_moment import Moment
