@@ -7,14 +7,20 @@ from pathlib import Path
 import numpy as np
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.case import Case
 from serpent_twin.machines.model import ModelRig, log_file
 from serpent_twin.machines.model.clocks import PRIOR
 from serpent_twin.machines.model.log_files import LogTables
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.starts import with_starts
 from serpent_twin.sessions import Session, columns_of, read_folder, read_session, refuse_damaged
+from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.tables import DataTable
 from serpent_twin.tables.log import Log
+from serpent_twin.tables.segments import Segments
+
+_MOVES = 0.02
+"""Share of rows in which a motor must turn to be one that moves"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +38,20 @@ class SessionRig(ModelRig):
         refuse_damaged(list(sessions))
         logs = [log for session in sessions for log in self._logs(session)]
         return with_starts(self.described, logs)
+
+    def open(self, training: Sequence[Log]) -> Case[Segments]:
+        """First guesses; raises a `SerpentError` where no motor moves."""
+        speed = (
+            np.abs(log.columns[each.velocity])
+            for log in training
+            for each in self.described.about.drive
+        )
+        if not any(np.mean(each > 2 * STANDING) > _MOVES for each in speed):
+            raise SerpentError(
+                "no motor moves in these logs, and a pose alone cannot distinguish an effect from a "
+                "parameter. Record sessions in which the arm moves."
+            )
+        return super().open(training)
 
     def _logs(self, session: Session) -> Iterator[Log]:
         if not np.isfinite(session.marker).any():

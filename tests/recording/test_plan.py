@@ -1,6 +1,6 @@
 """Test that a planned motion tells rivals apart better than random targets of the same length."""
 
-from dataclasses import replace
+import json
 from pathlib import Path
 
 import numpy as np
@@ -79,10 +79,14 @@ def test_a_folder_that_is_no_trace_is_refused(tmp_path):
         require_form(Path("motion.csv"), "arm")
 
 
-def test_a_machine_that_nothing_commands_refuses(trace):
-    other = replace(trace, case=replace(trace.case, machine=object()))
-    with pytest.raises(SerpentError, match="commands"):
-        proposed(other, 1, np.random.default_rng(0))
+def test_a_trace_by_the_arm_s_former_engine_is_refused(tmp_path):
+    """Its twin is read everywhere, but not its fit; it stated no files of a machine."""
+    settings = {"rig": "arm", "held_out": 1, "input_sha256": {}}
+    (tmp_path / "trace.json").write_text(json.dumps(settings))
+    about = {"provenance": {"logs": "../arm_a"}}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(about))
+    with pytest.raises(SerpentError, match=r"earlier version.*Trace its logs again"):
+        traced.read(tmp_path)
 
 
 def test_open_questions_stand_in_the_order_of_need():
