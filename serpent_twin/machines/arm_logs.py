@@ -1,11 +1,12 @@
 """Make session logs of the serpent arm logs of the machine that a machine.toml describes."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.model import ModelRig, log_file
@@ -13,7 +14,15 @@ from serpent_twin.machines.model.clocks import PRIOR
 from serpent_twin.machines.model.log_files import LogTables
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.starts import with_starts
-from serpent_twin.sessions import Session, columns_of, read_folder, read_session, refuse_damaged
+from serpent_twin.sessions import (
+    FIELDS,
+    Session,
+    columns_of,
+    read_folder,
+    read_session,
+    refuse_damaged,
+)
+from serpent_twin.sessions.session import turning
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.tables import DataTable
 from serpent_twin.tables.log import Log
@@ -21,6 +30,20 @@ from serpent_twin.tables.segments import Segments
 
 _MOVES = 0.02
 """Share of rows in which a motor must turn to be one that moves"""
+
+
+@dataclass(frozen=True, eq=False)
+class SessionLog(Log):
+    """The log of a session, known again by what its motors read, whatever markers were put in."""
+
+    @property
+    def readings(self) -> Array:
+        """Motor angles, velocities and loads of the rows in which a motor turns, as those of the session."""
+        columns = {
+            name: np.stack([self.columns[each] for each in FIELDS[name].columns], axis=1)
+            for name in ("motor_position", "motor_velocity", "motor_load")
+        }
+        return turning(*columns.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +85,7 @@ class SessionRig(ModelRig):
         table = DataTable(session.path or Path(session.name), columns_of(session))
         for log in log_file.read(self.described, LogTables(session.label, (table,))):
             about = log.metadata | session.metadata | {PRIOR: session.prior_runtime + log.time[0]}
-            yield replace(log, path=session.path, label=log.name, metadata=about)
+            yield SessionLog(session.path, about, log.columns, log.name)
 
 
 def open_arm(path: Path) -> SessionRig:

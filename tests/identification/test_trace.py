@@ -133,6 +133,14 @@ def test_logs_in_which_no_motor_moves_are_refused(logs, tmp_path):
         rig.open(rig.read(changed(logs, tmp_path / "still", still)))
 
 
+def test_a_copy_with_markers_put_in_anew_is_refused(logs, tmp_path):
+    copied = changed(logs, tmp_path / "copied", lambda session: session)
+    again = read_session(logs / "session_01.parquet")
+    write_session(copied / "session_03.parquet", again.having(marker=again.marker + 1e-4))
+    with pytest.raises(SerpentError, match=r"session_01.parquet and .*session_03.parquet hold"):
+        trace(Trace((copied,), tmp_path / "out"))
+
+
 def test_a_machine_toml_of_the_arm_is_the_arm():
     """By its name, and by the folder of its description."""
     assert machines.named("arm", Path("model")) == machines.named("arm", None) == "arm"
