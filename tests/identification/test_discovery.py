@@ -216,7 +216,7 @@ def test_the_arms_places_show_what_a_simulation_shows():
     pieces, arm = case.pieces(sessions[:1]).take([1]), case.machine
     point = ParameterVector.nominal(arm.declared)
     places = arm.responses_at_places(point, pieces)
-    shown = {(r.handle, r.place): r.change for r in places.responses}
+    shown = {(r.handle, r.place): r for r in places.responses}
     before = arm.respond([point], pieces)[0]
     weight = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
     for at, least in PLACED.items():
@@ -225,7 +225,8 @@ def test_the_arms_places_show_what_a_simulation_shows():
         values = np.zeros(8)
         values[component] = size
         change = arm.respond([point.having(f"discovered@{at}", values)], pieces)[0] - before
-        told = size * shown[law.handle, law.place][component]
+        follows = np.full((1, *pieces.time.shape), size)
+        told = [*shown[law.handle, law.place].of(follows)][component][0]
         rows = slice(FADED if law.handle in AT_CAMERAS else 0, None)
         one, two = ((each * weight)[:, rows].ravel() for each in (change, told))
         cosine = one @ two / np.linalg.norm(one) / np.linalg.norm(two)
