@@ -21,9 +21,11 @@ from serpent_twin.machines.model.along import Along
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import commands
+from serpent_twin.machines.model.from_sites import placed_joints
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import ForcedRows, adapted, forced_rows
 from serpent_twin.machines.model.seen import address
+from serpent_twin.machines.model.seen_places import of_frame, of_motors, of_sensors
 from serpent_twin.machines.model.springs import drives_on, single_joints
 from serpent_twin.machines.model.things import joint_type, lengths
 from serpent_twin.machines.places import LaggedResponse, Places, Response, by_forces
@@ -85,6 +87,7 @@ class ModelPlaces(Places):
     """The twin's, of its first run"""
     measured: tuple[str, ...]
     """The thing that each channel is of, (C,)"""
+    driven: DrivenMotion
     states: RowStates
     forced: ForcedRows
     pieces: Segments
@@ -101,7 +104,8 @@ class ModelPlaces(Places):
         states, varies = motion.recorded(), commands(machine, pieces).std(axis=(0, 1))
         forced = forced_rows(motion.driven, states, motion.seen, varies, _few_bodies(machine.model))
         forced = replace(forced, motion=adapted(forced.motion, measured, motion, forced.free))
-        return cls(machine, motion.driven.models[0], tuple(measured), states, forced, pieces)
+        model = motion.driven.models[0]
+        return cls(machine, model, tuple(measured), motion, states, forced, pieces)
 
     @cached_property
     def readings(self) -> Mapping[tuple[str, str], Array]:
@@ -130,14 +134,29 @@ class ModelPlaces(Places):
     @property
     def responses(self) -> Sequence[Response]:
         """Of every quantity at every place where it shows: not of bodies whose motion is prescribed."""
+        bodies, tendons = [*self._of_bodies()], [*self._of_tendons()]
         every = [
             *self._of_joints(),
-            *self._of_bodies(),
-            *self._of_tendons(),
+            *bodies,
+            *tendons,
             *self._of_commands(),
             *self._of_readings(),
+            *self._of_placed(bodies, tendons),
         ]
         return [each for each in every if each.channels]
+
+    def _of_placed(
+        self, bodies: Sequence[LaggedResponse], tendons: Sequence[LaggedResponse]
+    ) -> Iterator[Response]:
+        """Of sensors, and of motors whose motion is known, where sites place the joints."""
+        if not placed_joints(self.machine):
+            return
+        forces = {each.place: each for each in bodies if each.handle == "force"}
+        yield from of_sensors(self.machine, self.driven, self.states, [*forces])
+        yield from of_motors(
+            self.machine, self.model, self.states, {each.place: each for each in tendons}
+        )
+        yield from of_frame(self.model, forces)
 
     @property
     def starts(self) -> Array | None:
@@ -167,10 +186,10 @@ class ModelPlaces(Places):
             push = self.forced.by_friction[dof]
             yield self._lagged("joint_friction", name, push[None], (rubs * own)[None])
 
-    def _lagged(self, handle: str, name: str, push: Array, own: Array) -> Response:
+    def _lagged(self, handle: str, name: str, push: Array, own: Array) -> LaggedResponse:
         return LaggedResponse(handle, name, self.forced.motion, push, own)
 
-    def _of_bodies(self) -> Iterator[Response]:
+    def _of_bodies(self) -> Iterator[LaggedResponse]:
         none = np.zeros((3, *self.pieces.measured.shape))
         for k, n in enumerate(self._bodies):
             push = np.einsum("stxv,vstd->xstd", self._along.by_joints[k], self.forced.by_force)
@@ -184,7 +203,7 @@ class ModelPlaces(Places):
     def _bodies(self) -> list[int]:
         return _few_bodies(self.machine.model)
 
-    def _of_tendons(self) -> Iterator[Response]:
+    def _of_tendons(self) -> Iterator[LaggedResponse]:
         """Of those with a spring, where it pulls."""
         sprung = np.flatnonzero(self.model.tendon_stiffness).tolist()
         for n in self._tendons:
