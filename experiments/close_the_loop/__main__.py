@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from experiments.close_the_loop.picture import picture
 from experiments.close_the_loop.result_page import table
+from experiments.load_errors import load_errors
 from experiments.result_page import left_on, publish, store, write_report
 from serpent_twin import stored
 from serpent_twin.command_line import cli
@@ -31,7 +32,7 @@ SHARED, OWN = ROOT.parent / "shared" / "logs", ROOT / "data"
 LOGS = Path(os.path.relpath(SHARED if SHARED.is_dir() else OWN))
 SETTINGS = "close_the_loop.json"
 KEPT = ("held_out", "effects", "unexplained", "error_mm", "load_error_percent", "seconds")
-"""Keys of a diagnosis.json that results.json has"""
+"""Keys of a diagnosis that results.json has"""
 
 
 @dataclass(frozen=True)
@@ -105,15 +106,14 @@ def arm_folders(logs: Path, arms: Sequence[str]) -> dict[str, Path]:
 
 
 def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
-    """Content of an arm's diagnosis.json; a finished trace is not repeated."""
+    """Content of an arm's diagnosis.json, and its loads' errors; a finished trace is not repeated."""
     out = config.out / name
     done = out / "diagnosis.json"
-    if done.exists():
-        return stored.read_json(done)
     asked = Trace(
         (folder,), out, sessions=config.sessions, seed=config.seed, discover=config.discover
     )
-    return trace(asked)
+    found = stored.read_json(done) if done.exists() else trace(asked)
+    return found | {"load_error_percent": load_errors(found)}
 
 
 def _kept(diagnosis: Mapping[str, Any]) -> dict[str, Any]:

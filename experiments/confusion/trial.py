@@ -9,6 +9,7 @@ from experiments.confusion.config import Confusion
 from experiments.confusion.parts import parts_held
 from experiments.confusion.plan import KNOWN, Trial
 from experiments.confusion.stated_limits import limit_of, stated_limits
+from experiments.load_errors import load_errors
 from experiments.result_rows import failed_row, said_to
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
@@ -45,7 +46,7 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "unexplained": bool(found["unexplained"]["is"]),
         "depends_on": found["unexplained"]["depends_on"],
         "error_mm": found["error_mm"],
-        "load_error_percent": found["load_error_percent"],
+        "load_error_percent": load_errors(found),
         "seconds": found["seconds"],
         "git_commit": found["provenance"]["git_commit"],
         "recording_seconds": recorded,

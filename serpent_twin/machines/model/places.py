@@ -111,9 +111,11 @@ class ModelPlaces(Places):
     def readings(self) -> Mapping[tuple[str, str], Array]:
         """What laws may follow, (S, T), by the reading and its place."""
         found = clocks_and_commands(self.machine, self.pieces)
+        motors = self.machine.winches if self._placed else ()
         for name, dof in self._joints:
-            found["joint_angle", name] = np.nan_to_num(self.states.pose[..., dof])
-            found["joint_velocity", name] = np.nan_to_num(self._mean_rate[..., dof])
+            of = "motor" if name in motors else "joint"
+            found[f"{of}_angle", name] = np.nan_to_num(self.states.pose[..., dof])
+            found[f"{of}_velocity", name] = np.nan_to_num(self._mean_rate[..., dof])
         for k, n in enumerate(self._bodies):
             if n not in self.machine.model.body_parentid[self._bodies]:  # the end of a chain
                 at = self._along.middle[k]
@@ -131,7 +133,7 @@ class ModelPlaces(Places):
         out[:, :-1] = self.states.steps.velocity.mean(axis=2)
         return out
 
-    @property
+    @cached_property
     def responses(self) -> Sequence[Response]:
         """Of every quantity at every place where it shows: not of bodies whose motion is prescribed."""
         bodies, tendons = [*self._of_bodies()], [*self._of_tendons()]
@@ -145,11 +147,16 @@ class ModelPlaces(Places):
         ]
         return [each for each in every if each.channels]
 
+    @cached_property
+    def _placed(self) -> bool:
+        """Whether measured sites place joints."""
+        return bool(placed_joints(self.machine))
+
     def _of_placed(
         self, bodies: Sequence[LaggedResponse], tendons: Sequence[LaggedResponse]
     ) -> Iterator[Response]:
         """Of sensors, and of motors whose motion is known, where sites place the joints."""
-        if not placed_joints(self.machine):
+        if not self._placed:
             return
         forces = {each.place: each for each in bodies if each.handle == "force"}
         yield from of_sensors(self.machine, self.driven, self.states, [*forces])
@@ -232,7 +239,10 @@ class ModelPlaces(Places):
                 yield self._lagged(ACTUATOR_COMMAND, each.actuator, push[None], own[None])
 
     def _of_readings(self) -> Iterator[Response]:
+        known = self.machine.efforts if self._placed else ()
         for name, change in channels_alone(self.measured, self.pieces.time.shape):
+            if name in known:  # a shift of its load
+                continue
             yield self._lagged(READING_SHIFT, name, 0.0 * self.forced.by_force[:1], change)
 
 
