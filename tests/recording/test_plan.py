@@ -24,11 +24,13 @@ from serpent_twin.recording.plan_criterion import chosen
 from serpent_twin.recording.traced import Traced
 
 BACKLASH, FRICTION = "gear_backlash", "gear_friction"
+LITTLE = 0.05
+"""Share of a typical backlash, of which any motion is not proof enough"""
 
 
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory):
-    """A fit without any step of a short session of the nominal twin, as a trace would hold it."""
+    """A fit without any step of a short session of the nominal twin, with little backlash, as of a trace."""
     folder = tmp_path_factory.mktemp("plan")
     collect(Collect(folder / "logs", sessions=1, steps=170, workers=1))
     rig = machines.find("arm")
@@ -36,7 +38,9 @@ def trace(tmp_path_factory):
     case = rig.open(logs)
     pieces = case.pieces(logs)
     case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
-    return Traced(folder, case, pieces, opening_fit(case, pieces), {}, "arm", 4.0, {})
+    opening, little = opening_fit(case, pieces), LITTLE * case.candidates[BACKLASH].variants[0]
+    fitted = {BACKLASH: opening.point.having(BACKLASH, little)}
+    return Traced(folder, case, pieces, opening, {}, "arm", 4.0, fitted)
 
 
 @pytest.mark.slow
