@@ -60,8 +60,8 @@ def test_a_number_of_which_no_derivative_says_anything_is_found_far_off(friction
     assert far.point.declared[0] == pytest.approx(0.3, abs=0.01)
 
 
-def test_it_stays_where_it_is_best(far=True):
-    found = fitted(stuck(0.0), far)
+def test_it_stays_where_it_is_best():
+    found = fitted(stuck(0.0), far=True)
     assert found.point.declared == pytest.approx([0.3, 0.0], abs=0.5)
 
 

@@ -1,8 +1,8 @@
 """Step to where one number is far off, which no derivative reaches.
 
-Joints that stick tell nothing of how they creep, and a joint that friction holds nothing of that friction:
-the cost is flat there, and has its least elsewhere. So a number that may be off by a large factor is tried
-far from where it is, all others refitted to first order.
+A joint that sticks does not show how it would creep, nor one that is held how strong the friction is that
+holds it. The cost is flat there and has its minimum elsewhere. So a number that may be off by a large factor
+is tried far from where it is, all others refitted to first order.
 """
 
 import numpy as np
@@ -10,13 +10,12 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.free_parameters import moved
 from serpent_twin.identification.fitting.objective import At, Objective
-from serpent_twin.machines.machine import ParameterVector
 
 _MAY_BE_ABSENT = 2.0
 """Width of the prior of a number's logarithm, a factor of seven, from which it is tried"""
 _WHERE, _APART = (-2.0, -1.0, 0.0, 1.0, 2.0), 0.5
 """Where, in widths of the prior; nearer than that to where it is, it is not tried"""
-_BEST, _SHARES = 3, (1.0, 0.5, 0.0)
+_BEST, _SHARES = 3, (1.0, 0.5)
 """Of these, those to which the others are refitted; shares of that step which are tried"""
 DECISIVE = 6.0
 """Least decrease of squares and priors, as twice the logarithm of a Bayes factor: strong evidence (Kass and
@@ -25,8 +24,9 @@ Raftery, JASA 90, 1995)
 
 
 def elsewhere(problem: Objective, at: At, jacobian: Array) -> At:
-    """A parameter vector, or a better one in which a number is far from there; from the derivative by all
-    free parameters, (P, S, N).
+    """A better parameter vector, with one number far from where it is; the same one if there is none.
+
+    The derivative by all free parameters, (P, S, N), says how the others make up for it.
     """
     declared, quantities = problem.case.declared, problem.case.quantities
     unit = np.eye(len(problem.free))
@@ -45,15 +45,19 @@ def elsewhere(problem: Objective, at: At, jacobian: Array) -> At:
             step = problem.linear_step(there, others)
             left = there.residual + np.tensordot(step, others, 1)
             end = moved(problem.case, there.point, problem.free, step)
-            refitted.append((problem.cost(left, end), there.point, step))
-
-    def stepped(point: ParameterVector, step: Array) -> list[ParameterVector]:
-        return [moved(problem.case, point, problem.free, share * step) for share in _SHARES]
+            refitted.append((problem.cost(left, end), there, step))
+    if not refitted:
+        return at
 
     best = sorted(refitted, key=lambda each: each[0])[:_BEST]
-    near = stepped(at.point, problem.linear_step(at, jacobian)) if best else []
-    away = [each for _, *there in best for each in stepped(*there)]
-    reached = problem.reached([*near, *away])
-    stays = min((at, *reached[: len(near)]), key=lambda each: each.cost)
-    goes = min((stays, *reached[len(near) :]), key=lambda each: each.cost)
+    ways = [(at, problem.linear_step(at, jacobian)), *((there, step) for _, there, step in best)]
+    points = [
+        moved(problem.case, there.point, problem.free, share * step)
+        for there, step in ways
+        for share in _SHARES
+    ]
+    reached, near = problem.reached(points), len(_SHARES)
+    stays = min((at, *reached[:near]), key=lambda each: each.cost)
+    away = [there for there, _ in ways[1:]] + reached[near:]
+    goes = min(away, key=lambda each: each.cost)
     return goes if goes.cost < stays.cost - DECISIVE else stays
