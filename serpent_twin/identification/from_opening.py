@@ -11,6 +11,7 @@ from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import derives_cheaply, fit
+from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.score_test import Score, scores, worth_fitting
@@ -31,6 +32,12 @@ may leave much to a second
 """
 Opening = tuple[Case[Any], Fit]
 """A case, and the fit without any step from where nothing is calibrated"""
+
+
+def cost_by(trials: Trials, case: Case[Any], opening: Fit, found: Fit) -> float:
+    """The cost of a fit by the weights of an opening."""
+    residual = case.residual([found.point], case.take(trials.training, opening.used))[0]
+    return cost_at(case, found.point, residual, opening.variance_inflation)
 
 
 def nominal_start(case: Case[Any], point: ParameterVector) -> ParameterVector:
@@ -64,8 +71,9 @@ def from_opening(
     stage: str,
 ) -> dict[str, CandidateTrial]:
     """Score tests of candidates where nothing is calibrated, and full fits of the best few together with all
-    declared parameters, judged against the calibrated `base`. Those that are near the best are gone on with
-    by the weights that they leave, as the base was; where a derivative is dear, the best alone.
+    declared parameters, judged against the calibrated `base`. Those that are near the best, or near the base
+    if that is better, are gone on with by the weights that they leave, as it was; where a derivative is dear,
+    the best alone.
     """
     case, begun = opening
     found = trials.placed(stage, case, begun, trials.scores(stage, case, begun, names))
@@ -76,7 +84,8 @@ def from_opening(
     tied = _TIED * max(found[name].share for name in ranked)
     chosen = [n for k, n in enumerate(ranked) if k < _FITTED or found[n].share > tied]
     weighed, begun = weighed_by_left(case, begun, list(found.values()))
-    cheap, least, fits = derives_cheaply(case), np.inf, dict[str, Fit]()
+    cheap, fits = derives_cheaply(case), dict[str, Fit]()
+    least = cost_by(trials, weighed, begun, base)
     for name in chosen:
         trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
         several = list[Fit]()

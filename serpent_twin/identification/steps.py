@@ -16,6 +16,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
+    HARDLY,
     CandidateTrial,
     Round,
     Selection,
@@ -32,10 +33,12 @@ from serpent_twin.identification.exchanged import exchanged
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.fitting.least_squares import OnProgress, derives_cheaply, fit
+from serpent_twin.identification.fitting.objective import prior_squares
 from serpent_twin.identification.from_opening import Opening, behind, from_opening, opened
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
+from serpent_twin.identification.moved import FAR
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.relieved import relieved, strained
@@ -121,7 +124,8 @@ class Tracer:
         base, rounds = calibrated, list[Round]()
         while len(rounds) < _MOST_EFFECTS and not self.late:
             done = self._round(base, rounds, opening)
-            if not rounds and (wide := far_off(self.trials, self.case, opening, base, done)):
+            sought = not rounds and self._may_be_far_off(base, done)
+            if sought and (wide := far_off(self.trials, self.case, opening, base, done)):
                 self.case = replace(self.case, widened=wide.case.widened, noise=wide.case.noise)
                 stage = f"widened_{mark(list(self.case.widened))}"
                 calibrated = base = self._reweighted(stage, wide.fit)
@@ -134,6 +138,14 @@ class Tracer:
         if better := exchanged(self.trials, self.case, base, rounds):
             self.case, base, rounds[:] = better.case, better.fit, better.rounds
         return calibrated, base, rounds
+
+    def _may_be_far_off(self, calibrated: Fit, done: Round) -> bool:
+        """Whether a number may be far from what was built: where calibration left much, or moved one further
+        than parts differ.
+        """
+        squares = prior_squares(self.case, calibrated.point)
+        strained = float(squares.max(initial=0.0)) > FAR**2
+        return strained or not self.trials.little(self.case, calibrated, done.errors)
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
         """The fit with an effect in place of a number that was moved beyond reason, or found far off; or
@@ -325,8 +337,9 @@ class Tracer:
 
     def _round(self, base: Fit, rounds: Sequence[Round], opening: Opening) -> Round:
         """Try all candidates; those that calibration may have absorbed also where nothing is calibrated yet;
-        and pairs, if none is accepted alone. Without any, a promising candidate stands until it was fitted
-        again. None is fitted where effects that were found may neglect all that is left.
+        and pairs, if none is accepted alone. A fit from there that explains less than the base went astray:
+        the candidate is then fitted from the base. Without any, a promising candidate stands until it was
+        fitted again. None is fitted where effects that were found may neglect all that is left.
         """
         number = len(rounds) + len(self.case.widened) + 1
         names = [
@@ -339,14 +352,15 @@ class Tracer:
             stage = f"{number}_base"
             told = self.trials.each(names, self.case, base, base, before, stage, but=names)
             return Round(base, before, told, ())
-        much = number > 1 and not self.trials.little(self.case, base, before)
+        much = not self.trials.little(self.case, base, before)
         missed, absorbed = {}, {}
         if number > 1 and not derives_cheaply(self.case):
             missed = outdone(rounds[-1]) if much and rounds else {}
-        elif number == 1 or much:
+        elif much:
             now = opened(self.trials, self.case, base, number) if number > 1 else opening
             absorbed = from_opening(self.trials, names, now, base, before, f"{number}_start")
-        done, stage = [name for name, each in absorbed.items() if each.fit], f"{number}_base"
+        done = [n for n, each in absorbed.items() if each.fit and each.evidence > -HARDLY]
+        stage = f"{number}_base"
         late = behind(self.trials, self.case, names, base, absorbed, stage) if done else []
         trials = self.trials.each(
             names,

@@ -15,7 +15,7 @@ from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.information import Information
 from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.fitting.objective import cost_at, variance_inflation
-from serpent_twin.identification.from_opening import HOPELESS
+from serpent_twin.identification.from_opening import HOPELESS, cost_by
 from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.score_test import Score
@@ -164,10 +164,7 @@ def widened(
 def _cost_of(trials: Trials, case: Case[Any], opening: Fit, done: Round) -> float:
     """The cost of what a round accepted, by the weights of the opening; infinite without."""
     found = done.trials[done.accepted[0]].fit if done.accepted else None
-    if found is None:
-        return np.inf
-    residual = case.residual([found.point], case.take(trials.training, opening.used))[0]
-    return cost_at(case, found.point, residual, opening.variance_inflation)
+    return cost_by(trials, case, opening, found) if found else np.inf
 
 
 def _saves(usual: Case[Any], trials: Trials, base: Fit, case: Case[Any], fitted: Fit) -> float:

@@ -96,6 +96,23 @@ def test_a_fit_takes_the_usual_steps_where_longer_ones_explode(far):
     assert_allclose(found.point.declared, [1.0, -2.0], atol=0.05)
 
 
+def test_a_fit_takes_the_usual_steps_where_longer_ones_say_something_else_each_time():
+    """As where joints stick and slip: that would hide what the last steps gain."""
+    rng = np.random.default_rng(1)
+
+    @dataclass(frozen=True)
+    class Jittering(LinearCase):
+        def residual(self, points, pieces, timestep=None):
+            out = super().residual(points, pieces)
+            return out + (0.3 * rng.standard_normal(out.shape) if timestep else 0.0)
+
+    steady = case(0.0)
+    arm = Jittering(**steady.__dict__)
+    found = fit(arm, every(), START, free_parameters(arm, []), 2, SEGMENTS)
+    best, *_ = np.linalg.lstsq(steady.X.reshape(-1, 2), steady.y.ravel(), rcond=None)
+    assert_allclose(found.point.declared, best, atol=2e-3)
+
+
 def test_a_score_test_retries_with_a_weaker_effect():
     """Its typical strength, 1, gives up, a tenth does not: the same answer, in proportion."""
     arm, sound = fragile(gust=0.5), fragile()

@@ -28,6 +28,10 @@ _SILENT = 1e-2
 """Change of a residual by a width of a number's prior below which a derivative says nothing of it, such as of
 friction near rest where joints stick, or of a friction that holds its joint
 """
+_AS_GOOD = 0.2
+"""Share of a residual that longer time steps may change. Where joints stick and slip, that is another one a
+hair's breadth away, and its square hides what a step gains
+"""
 _SHORTER = (0.5, 0.2)
 """Shares of the step, tried then too: where a residual bends along it, they get much further than damping"""
 
@@ -224,7 +228,7 @@ class Objective:
 
     def residuals(self, points: Sequence[ParameterVector]) -> Array:
         """Residuals in longer time steps, corrected by what these change where the derivative was taken; in
-        the usual ones where that is as much as the residual, or they are unstable.
+        the usual ones where that is much of the residual, or they are unstable.
         """
         if self._timestep and self._correction is None:
             anchor = self.case.residual([self._anchor.point], self.some, self._timestep)[0]
@@ -232,7 +236,7 @@ class Objective:
             changed, left = (
                 np.linalg.norm(each.astype(float)) for each in (change, self._anchor.residual)
             )
-            if not changed < left:  # also where it is not finite
+            if not changed < _AS_GOOD * left:  # also where it is not finite
                 self._timestep = None
         if self._timestep and self._correction is not None:
             found = self.case.residual(points, self.some, self._timestep) + self._correction

@@ -19,6 +19,7 @@ from serpent_twin.residual import (
     CONTROL,
     FORCE,
     LENGTH,
+    LOADS,
     POSITION,
     TORQUE,
     VELOCITY,
@@ -134,6 +135,10 @@ class MeasuredColumns(Form, frozen=True):
     """Standard deviation of the measurement noise, in the unit; 0: estimated from the logs"""
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation of a zero of the readings that calibration fits, in the unit; 0: it is known"""
+    of_stall: bool = False
+    """Whether the column is a motor's load, a share of the stall torque that `scale` states in N m, and its
+    errors are stated in percent of that
+    """
 
     @property
     def of(self) -> tuple[str, str]:
@@ -158,6 +163,8 @@ class MeasuredColumns(Form, frozen=True):
     @property
     def measure(self) -> Measure:
         """The quantity that is measured."""
+        if self.of_stall:
+            return replace(LOADS, scale=LOADS.scale / abs(self.scale), base="N m")
         return POSITION if self.site else MEASURES[TO_SI[self.unit][1]]
 
 

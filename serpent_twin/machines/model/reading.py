@@ -170,6 +170,11 @@ def _twice(about: Description) -> Iterator[tuple[str, str]]:
         there.add(each.of)
         if each.scale == 0:
             yield f"measured[{n}].scale", "is 0, so that nothing would be measured."
+        if each.of_stall and TO_SI[each.unit][1] != "N m":
+            yield (
+                f"measured[{n}].of_stall",
+                'states a share of a stall torque, so that unit must be "N m" and scale the torque in N m.',
+            )
 
 
 def _amiss_measured(

@@ -16,7 +16,6 @@ from serpent_twin.machines.model.description import Described, MeasuredColumns
 from serpent_twin.machines.model.misread import Views
 from serpent_twin.machines.model.prescribed import NO_EFFORTS, Efforts
 from serpent_twin.machines.model.springs import single_joints
-from serpent_twin.residual import FORCE, TORQUE
 from serpent_twin.tables.segments import Segments
 
 _READ = (
@@ -91,7 +90,7 @@ class Seen:
                 found.append(efforts[:, [self._driven.index(name)]])
             elif kind == "joint":
                 found.append(batch.bind("qpos")[:, [address(model, name)]].copy())
-            elif kind == "tendon" and each.measure in (FORCE, TORQUE):
+            elif kind == "tendon" and each.of_effort:
                 found.append(_pull(batch, model.tendon(name).id))
             elif kind == "tendon":
                 found.append(batch.bind("ten_length")[:, [model.tendon(name).id]].copy())

@@ -24,7 +24,6 @@ from serpent_twin.machines.model.seen import Seen, beginning
 from serpent_twin.machines.model.starts import LEAD, measured_joints
 from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
 from serpent_twin.numerals import counted, listed
-from serpent_twin.residual import FORCE, TORQUE
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 
@@ -131,7 +130,7 @@ class _FirstRows:
         self._measured, self._noise = pieces.measured[:, :rows], noise
         measured = [each for each in sessions.machine.about.measured for _ in each.columns]
         self._free = [n for n, each in enumerate(measured) if each.site and each.cameras]
-        force = [each.measure in (FORCE, TORQUE) for each in measured]
+        force = [each.of_effort for each in measured]
         self._weight = np.where(force, 0.0, 1 / noise)
         model, dofs = sessions.model, sessions.joints.dofs(sessions.model)
         joint = np.isin(np.arange(model.nv), dofs)
