@@ -34,6 +34,17 @@ def test_angles_and_currents_of_motors_are_predicted_each_in_its_unit(tmp_path):
     assert noise["current_1"] == pytest.approx(2e-3, rel=0.15)  # N m, estimated
 
 
+def test_errors_of_a_motors_load_are_shares_of_its_stall_torque(tmp_path):
+    in_torques = WITH_CURRENTS.opened(tmp_path / "torques", 0)
+    currents = moving_models.CURRENTS.replace("scale = 0.5", "scale = 0.5\nof_stall = true")
+    of_stall = replace(moving_models.EXAMPLE, toml=moving_models.TOML + currents)
+    as_loads = of_stall.opened(tmp_path / "loads", 0)
+    torque, load = (each.compare(None, pieces) for each, pieces, _ in (in_torques, as_loads))
+    assert (load.load.field, load.load.key, load.load.unit) == ("load", "percent", "% of stall")
+    np.testing.assert_array_equal(load.load_residual, torque.load_residual)  # [N m]
+    assert load.load.scale * 0.5 == pytest.approx(100.0)
+
+
 @pytest.mark.slow
 def test_friction_shows_in_angles_and_currents_together(tmp_path):
     found, page = traced(tmp_path, friction=0.03)

@@ -131,6 +131,12 @@ def swap(before, after):
         (swung_models, swap("scale = -1", "scale = 0"), None, "drive[0].scale is 0"),
         (
             swung_models,
+            swap("noise = 0.0005", "noise = 0.0005, of_stall = true"),
+            None,
+            "measured[0].of_stall states a share of a stall torque",
+        ),
+        (
+            swung_models,
             None,
             swap('ctrlrange="-1 1"', 'ctrlrange="-120 120"'),
             "'servo', whose ctrlrange is -120 … 120 rad where its joint 'pivot' has -2.094 … 2.094 rad",

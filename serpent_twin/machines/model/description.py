@@ -114,8 +114,8 @@ class MeasuredColumns(Form, frozen=True):
     site: str = ""
     """Site whose position is measured"""
     joint: str = ""
-    """Joint whose angle or length is measured; in a unit of torque or force, what drives a joint whose motion
-    is prescribed, its own friction included
+    """Joint whose angle or length is measured; in N m or N, what drives a joint whose motion is prescribed,
+    its friction included
     """
     sensor: str = ""
     """Sensor of the model whose reading is measured"""
@@ -130,15 +130,13 @@ class MeasuredColumns(Form, frozen=True):
     point: Vector = (0.0, 0.0, 0.0)
     """Place of the marker in the site's frame [m]"""
     cameras: bool = True
-    """Whether calibration fits the frame of the site's position, within some millimetres and degrees"""
+    """Whether calibration fits the frame of the position, within millimetres and degrees"""
     noise: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation of the measurement noise, in the unit; 0: estimated from the logs"""
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
-    """Standard deviation of a zero of the readings that calibration fits, in the unit; 0: it is known"""
+    """Standard deviation of a zero that calibration fits, in the unit; 0: known"""
     of_stall: bool = False
-    """Whether the column is a motor's load, a share of the stall torque that `scale` states in N m, and its
-    errors are stated in percent of that
-    """
+    """Whether `scale` is a stall torque, and errors are in percent of it"""
 
     @property
     def of(self) -> tuple[str, str]:
