@@ -47,6 +47,7 @@ from serpent_twin.machines.model.shortest import goes_on_from_sites, shortest
 from serpent_twin.machines.model.starts import placed_anew, started_again
 from serpent_twin.machines.model.state_effects import acting_on_state
 from serpent_twin.machines.model.switches import separate
+from serpent_twin.machines.model.track_record import track_record
 from serpent_twin.machines.model.twin_file import write_twin
 from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.residual import Comparison
@@ -142,6 +143,11 @@ class ModelMachine(MachineOfColumns):
     def _free(self) -> list[FittedNumber]:
         """The coordinates that are fitted."""
         return self.before.free(self.described, self.coordinates)
+
+    @property
+    def track_record(self) -> Mapping[str, tuple[int, int]]:
+        """How often each name was right, and how often it was given, on machines whose faults were known."""
+        return track_record(self.described.path.parent)
 
     @property
     def error_before_change(self) -> float:
