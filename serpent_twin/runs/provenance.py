@@ -40,7 +40,7 @@ def _version(name: str) -> str | None:
 
 def git_commit() -> str:
     """Commit of the source tree, with `-dirty` appended if it was changed; `unknown` outside git."""
-    tree = Path(__file__).resolve().parents[1]
+    tree = Path(__file__).resolve().parents[2]
     if not (tree / ".git").exists():  # installed, perhaps within another project's repository
         return "unknown"
     command = [
