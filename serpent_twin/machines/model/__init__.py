@@ -16,7 +16,8 @@ from serpent_twin.machines.model import log_file
 from serpent_twin.machines.model.before import Before, looking_for_changes, read_before
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.machines.model.coordinates import coordinates
-from serpent_twin.machines.model.description import MOTION, POSES, Described, Description, beside
+from serpent_twin.machines.model.described import Described, beside
+from serpent_twin.machines.model.description import MOTION, POSES, Description
 from serpent_twin.machines.model.doubts import (
     require_enough,
     require_moving_poses,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.machines.model.clocks import Clocks, clocks_of, session_time
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.known_motion import known_motion

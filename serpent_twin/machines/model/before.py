@@ -12,7 +12,8 @@ from serpent_twin import effects, stored
 from serpent_twin.effects import Effect
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.model.coordinates import FittedNumber, zero_of
-from serpent_twin.machines.model.description import Described, Vector
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import Vector
 from serpent_twin.machines.model.twin_file import read_twin
 
 

@@ -18,7 +18,8 @@ from serpent_twin.machines.model.candidates_in_motion import (
     stiffening_tendons,
 )
 from serpent_twin.machines.model.candidates_of_all import of_all
-from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION, DriveColumn
 from serpent_twin.machines.model.rubbing import rubbing
 from serpent_twin.machines.model.sizes import (
     Sizes,

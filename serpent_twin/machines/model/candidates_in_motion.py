@@ -12,7 +12,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range
 from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.candidate import Candidate, candidate
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.sizes import Sizes, given, sized_candidate, sized_range
 from serpent_twin.machines.model.springs import Springs, single_joints

@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.effects import KNOWN, Range, law_of, ranges
 from serpent_twin.effects.strands import ALIKE, N_STRANDS
 from serpent_twin.machines.candidate import Candidate, candidate
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.numbers import NUMBERS
 from serpent_twin.machines.model.things import OBJECTS, names
 

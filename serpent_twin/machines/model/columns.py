@@ -7,7 +7,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Output
-from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION, POSES, MeasuredColumns
 from serpent_twin.machines.model.full_rate import columns_between
 from serpent_twin.machines.model.known_motion import without_held
 from serpent_twin.machines.model.segments import ROWS, segments

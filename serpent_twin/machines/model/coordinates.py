@@ -9,13 +9,8 @@ import numpy as np
 
 from serpent_twin.machines.machine import Declared, Quantity
 from serpent_twin.machines.model.built_alike import built_alike
-from serpent_twin.machines.model.description import (
-    MOTION,
-    Described,
-    DriveColumn,
-    MeasuredColumns,
-    Uncertain,
-)
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION, DriveColumn, MeasuredColumns, Uncertain
 from serpent_twin.machines.model.numbers import (
     NUMBERS,
     OF_SLIDES,

@@ -7,7 +7,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.description import POSES, Described, MeasuredColumns, TimeColumn
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import POSES, MeasuredColumns, TimeColumn
 from serpent_twin.numerals import counted
 from serpent_twin.tables import DataTable
 from serpent_twin.tables.log import Log

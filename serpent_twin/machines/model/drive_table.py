@@ -14,7 +14,7 @@ from serpent_twin.machines.model.coordinates import (
     zero_of,
     zeros_of,
 )
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 
 TABLE = "serpent_twin_drives"
 """Name of the custom numbers of an MJCF that hold the table"""

@@ -14,7 +14,8 @@ from serpent_twin.effects.law import ACTUATOR_COMMAND, Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION
 from serpent_twin.machines.model.full_rate import full_rate
 from serpent_twin.machines.model.state_effects import acts_on_state
 from serpent_twin.tables.segments import Segments

@@ -8,7 +8,7 @@ import numpy as np
 from serpent_twin.effects import Effect
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import clocks_of
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.full_rate import columns_between
 from serpent_twin.machines.model.replay import FollowedSessions

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.description import Described, MeasuredColumns
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MeasuredColumns
 from serpent_twin.machines.model.things import acts_on, joint_type
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted

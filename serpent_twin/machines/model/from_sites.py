@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import side_by_side
-from serpent_twin.machines.model.description import Described, MeasuredColumns
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MeasuredColumns
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.things import joints_moving

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION
 from serpent_twin.tables.log import Log
 
 

@@ -13,7 +13,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect
 from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.drives import ToldBefore, controls
 from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.filters import filtered, only_filters

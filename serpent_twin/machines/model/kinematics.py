@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import side_by_side
 from serpent_twin.machines.machine import Declared
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.from_sites import NOISE, placed_joints, site_column
 from serpent_twin.machines.model.seen import Seen, address
 from serpent_twin.tables.log import Log

@@ -8,7 +8,8 @@ import numpy as np
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.description import Described, Description, KnownNumber
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import Description, KnownNumber
 from serpent_twin.machines.model.numbers import NUMBERS, names_of, numbers_of
 from serpent_twin.machines.model.things import OBJECTS, names, unknown
 from serpent_twin.tables.log import Log

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.coordinates import ratio_of, zero_of
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 

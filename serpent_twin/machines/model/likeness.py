@@ -10,7 +10,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.description import MOTION, Described, DriveColumn, MeasuredColumns
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION, DriveColumn, MeasuredColumns
 from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.tables.segments import Segments
 from serpent_twin.units import TO_SI

@@ -8,7 +8,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.description import Described, DriveColumn
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import DriveColumn
 from serpent_twin.tables.log import Log
 
 _FASTEST = 99.0

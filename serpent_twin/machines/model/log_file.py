@@ -12,9 +12,9 @@ from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import in_sequence
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import (
     MOTION,
-    Described,
     Description,
     DriveColumn,
     MeasuredColumns,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import CLOCK_BEGAN
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.machines.model.log_rows import RawLog, alike
 from serpent_twin.numerals import counted, listed

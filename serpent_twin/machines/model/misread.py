@@ -12,7 +12,7 @@ from serpent_twin.arrays import Array, cross
 from serpent_twin.effects import Effect
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, READING_SHIFT
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.state_moment import BODY, FRAME, StateMoment, fixed
 from serpent_twin.units import TO_SI
 

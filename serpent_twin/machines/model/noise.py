@@ -7,7 +7,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Output
-from serpent_twin.machines.model.description import MOTION, Described, MeasuredColumns
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION, MeasuredColumns
 from serpent_twin.tables.log import Log
 from serpent_twin.units import TO_SI
 

@@ -19,7 +19,7 @@ from serpent_twin.effects.law import (
 from serpent_twin.engine.row_changes import against
 from serpent_twin.machines.model.along import Along
 from serpent_twin.machines.model.clocks import clocks_of, session_time
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.drives import commands
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import ForcedRows, adapted, forced_rows

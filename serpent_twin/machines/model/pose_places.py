@@ -18,7 +18,7 @@ from serpent_twin.effects.law import (
 )
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model.at_rest import TwinAtRest
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.places import (
     channels_alone,
     clocks_and_commands,

@@ -9,7 +9,8 @@ from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import addresses, in_a_row
-from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION, DriveColumn
 from serpent_twin.machines.model.known_motion import STANDING, KnownMotion
 
 _HELD = 0.9999

@@ -9,11 +9,8 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import Output, ParameterVector
-from serpent_twin.machines.model.description import (
-    POSES,
-    Described,
-    MeasuredColumns,
-)
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import POSES, MeasuredColumns
 from serpent_twin.machines.model.full_rate import held
 from serpent_twin.machines.model.limits import allowed, require_moving, unmeasured_joints
 from serpent_twin.machines.model.log_file import as_logged

@@ -9,12 +9,12 @@ import mujoco
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import (
     ADVICE,
     KINDS,
     MEASURES,
     MOTION,
-    Described,
     Description,
     MeasuredColumns,
     pose_first,

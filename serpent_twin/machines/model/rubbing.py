@@ -9,7 +9,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import law_of
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.sizes import given, sized_candidate
 from serpent_twin.machines.model.springs import single_joints

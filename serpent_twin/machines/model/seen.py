@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
-from serpent_twin.machines.model.description import Described, MeasuredColumns
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MeasuredColumns
 from serpent_twin.machines.model.misread import Views
 from serpent_twin.machines.model.prescribed import NO_EFFORTS, Efforts
 from serpent_twin.machines.model.springs import single_joints

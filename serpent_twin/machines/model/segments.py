@@ -6,7 +6,8 @@ from math import ceil
 import numpy as np
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION
 from serpent_twin.machines.model.starts import LEAD, starts_anywhere
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments, Stretch

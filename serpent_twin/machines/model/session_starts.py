@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Output
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.full_states import FullStates, read_states
 from serpent_twin.machines.model.replay import (
     MeasuredJoints,

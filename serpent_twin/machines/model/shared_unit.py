@@ -7,7 +7,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.description import Described, DriveColumn, MeasuredColumns
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import DriveColumn, MeasuredColumns
 from serpent_twin.machines.model.starts import angle_of, rate_of, reading_of
 from serpent_twin.machines.model.things import acts_on, joint_type
 from serpent_twin.numerals import listed

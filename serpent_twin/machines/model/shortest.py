@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from serpent_twin.machines.model.columns import MachineOfColumns
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION
 from serpent_twin.machines.model.from_sites import placed_joints
 from serpent_twin.machines.model.segments import lead_of
 from serpent_twin.tables.log import Log

@@ -10,7 +10,8 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range, law_of, place_of
 from serpent_twin.machines.candidate import Candidate, candidate
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION
 from serpent_twin.machines.model.from_sites import placed_joints
 from serpent_twin.machines.model.numbers import OF_SLIDES
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of

@@ -10,7 +10,8 @@ import numpy as np
 from serpent_twin import stored
 from serpent_twin.effects import law_of
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION
 from serpent_twin.machines.model.places import MOST, only_single
 from serpent_twin.machines.model.things import acts_on, joints_moving
 from serpent_twin.numerals import counted, listed

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.description import MOTION
 from serpent_twin.machines.model.from_sites import placed, placed_joints, site_column
 from serpent_twin.machines.model.full_states import FullStates
 from serpent_twin.machines.model.known_motion import LAG, rate_column, with_lag, with_rates
