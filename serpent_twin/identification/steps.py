@@ -7,13 +7,9 @@ repeat with it included. (5) An error above that of a twin that lacks nothing is
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
-import numpy as np
-
-from serpent_twin.arrays import Array
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
     HARDLY,
@@ -21,37 +17,30 @@ from serpent_twin.identification.acceptance import (
     Round,
     Selection,
     best_trial,
-    matters,
     outdone,
     promising,
     weakness_of_fit,
 )
-from serpent_twin.identification.checkpoints import Checkpoints, mark
+from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.components import without_undetermined
-from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.exchanged import exchanged
 from serpent_twin.identification.fitting.fitted import Fit
-from serpent_twin.identification.fitting.free_parameters import FreeParameters, free_parameters
-from serpent_twin.identification.fitting.least_squares import OnProgress, derives_cheaply, fit
+from serpent_twin.identification.fitting.least_squares import derives_cheaply
 from serpent_twin.identification.fitting.objective import prior_squares
 from serpent_twin.identification.from_opening import Opening, behind, from_opening, opened
 from serpent_twin.identification.gained import gained
-from serpent_twin.identification.held_out import Errors, gave_up
-from serpent_twin.identification.identifiability import Identifiability
+from serpent_twin.identification.held_out import gave_up
 from serpent_twin.identification.moved import FAR
 from serpent_twin.identification.neglected import neglected
+from serpent_twin.identification.pair_fits import pair_fits
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.relieved import relieved, strained
-from serpent_twin.identification.score_test import Score
-from serpent_twin.identification.trials import Trials, in_words
+from serpent_twin.identification.rival_fits import rival_fits
+from serpent_twin.identification.tracer_fits import TracerFits
 from serpent_twin.identification.widened import far_off
-from serpent_twin.identification.wording import spaced
-from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
-_LAST_STEPS = 2
-"""Steps of a last fit where a derivative serves many: it begins near its end, and each simulates all logs"""
 BEATS = 0.97
 """Share of a fit's cost that a fit from another start must come below to replace it. A candidate from the
 opening must come below that share of a first calibration's cost with its first derivative
@@ -63,28 +52,8 @@ _LATE = (
 _UNDONE = "another, which did not stand when everything was fitted anew"
 
 
-class Tracer:
+class Tracer(TracerFits):
     """Runs the steps on one machine's training and held-out segments."""
-
-    def __init__(
-        self,
-        case: Case[Any],
-        training: Any,
-        held_out: Any,
-        notes: Checkpoints,
-        on_progress: OnProgress,
-        seed: int,
-        seconds: float = np.inf,
-    ) -> None:
-        """With an end after so many `seconds` from now, after which no further effect is sought."""
-        self.case, self.training, self.held_out = case, training, held_out
-        self.notes, self.on_progress, self.seed = notes, on_progress, seed
-        self.trials = Trials(training, held_out, notes, on_progress)
-        self.final: ParameterVector | None = None
-        self.identifiability: Identifiability | None = None
-        self._at_opening: tuple[Case[Any], Fit, list[Score]]
-        self.cautions: tuple[str, ...] = ()
-        self._end = time.monotonic() + seconds
 
     @property
     def late(self) -> bool:
@@ -105,7 +74,7 @@ class Tracer:
         named = final.point.effects
         if not final.point.effects:
             calibrated = final
-        rivals = {n: self.trials.rivals(self.case, n, named, rounds) for n in named}
+        rivals = {n: rival_fits(self.trials, self.case, n, named, rounds) for n in named}
         return Selection(
             self.case,
             calibrated,
@@ -225,116 +194,6 @@ class Tracer:
             return replace(done, trials=trials, accepted=(), undone=_UNDONE)
         return replace(done, trials=trials)
 
-    def errors(self, point: ParameterVector) -> Errors:
-        """Held-out errors of a parameter vector."""
-        return self.trials.errors(self.case, point)
-
-    def _calibrate(self, start: ParameterVector) -> tuple[Opening, Fit]:
-        """Fit the declared parameters, updating weights in between; returns the opening and the calibrated
-        twin.
-        """
-        self.case = self.case.reweighted(start, self.training)
-        free = free_parameters(self.case, ())
-        self.on_progress("opening")
-        begun = self.notes.fit("opening", lambda: opening_fit(self.case, self.training))
-        self.identifiability = self._identifiable(begun)
-        weighed = self.case
-        first = self._fit("calibrated_1", start, free, 1, begun)
-        return (weighed, begun), self._reweighted("calibrated", first)
-
-    def _reweighted(self, name: str, first: Fit) -> Fit:
-        """A first fit gone on with until its weights settle: where a first guess misses a channel by far, its
-        weight hides how much of it a better fit explains.
-        """
-        case = replace(self.case, noise=first.noise)  # which its residual is weighed by
-        self.case, found = self.trials.reweighted(case, first, name, far=True)
-        return found
-
-    def _weighed_by(self, found: Fit) -> Case[Any]:
-        """The case with the noise that a fit leaves."""
-        case = replace(self.case, noise=found.noise)  # which its residual is weighed by
-        return case.weighed_by(found.residual, self.case.take(self.training, found.used))
-
-    def _identifiable(self, opening: Fit) -> Identifiability:
-        """What these logs can tell at all, to first order."""
-        names = [name for name in self.case.candidates if name not in self.case.unseen]
-        found = list(self.trials.scores("1_start", self.case, opening, names).values())
-        self._at_opening = (self.case, opening, found)
-        return identifiability(self.case, self.training, opening, found)
-
-    def exact_limits(self) -> Identifiability:
-        """What the logs can tell, with detection limits by a fit for each effect, for a verdict that quotes
-        them.
-        """
-        case, opening, found = self._at_opening
-
-        def limits(name: str, make: Callable[[], Array]) -> Array:
-            self.on_progress(f"detection limit of {spaced(name)}")
-            return self.notes.numbers(f"limits_{name}", 3, make)
-
-        return identifiability(case, self.training, opening, found, limits)
-
-    def _fit(
-        self,
-        name: str,
-        start: ParameterVector,
-        free: FreeParameters,
-        derivatives: int,
-        known: Fit | None = None,
-        carried: Fit | None = None,
-        last: bool = False,
-    ) -> Fit:
-        self.on_progress(f"fitting {in_words(start)}{', the last time' if last else ''}")
-        case, most = self.case, self.case.segments[last]
-        steps = _LAST_STEPS if last and not derives_cheaply(case) else None
-        return self.notes.fit(
-            name,
-            lambda: fit(
-                case,
-                self.training,
-                start,
-                free,
-                derivatives,
-                most,
-                self.on_progress,
-                known,
-                carried,
-                steps,
-                rounds=case.weak_rounds if last else 0,
-                used=() if last else self._at_opening[1].used,
-            ),
-        )
-
-    def _polish(self, found: Fit, name: str) -> Fit:
-        """Fit an accepted effect again with everything else, with updated weights."""
-        self.case = self._weighed_by(found)
-        free = free_parameters(self.case, list(found.point.effects))
-        return self._fit(name, found.point, free, 2, carried=found)
-
-    def _sharpened(self, found: Fit) -> Fit:
-        """The last fit, on more segments if there are, from which numbers are reported."""
-        most = min(self.case.segments[True], len(self.training))
-        if not found.point.effects and len(found.used) >= most:
-            return self.notes.fit("last", lambda: found)
-        self.case = self._weighed_by(found)
-        return self._fit("last", found.point, found.free, self._last, carried=found, last=True)
-
-    @property
-    def _last(self) -> int:
-        """Derivatives of a last fit beside the one that it begins with: none where rounds along weak
-        directions follow, or where derivatives are dear.
-        """
-        return int(not self.case.weak_rounds and derives_cheaply(self.case))
-
-    def _without_idle(self, last: Fit) -> Fit:
-        """The last fit without effects that it has brought to nothing: what they had gained, it gains too."""
-        effects = last.point.effects
-        idle = [n for n, v in effects.items() if not matters(self.case.candidates[n], v)]
-        if not idle:
-            return last
-        rest = last.without(idle)
-        return self._fit("last_without", rest.point, rest.free, self._last, carried=rest, last=True)
-
     def _round(self, base: Fit, rounds: Sequence[Round], opening: Opening) -> Round:
         """Try all candidates; those that calibration may have absorbed also where nothing is calibrated yet;
         and pairs, if none is accepted alone. A fit from there that explains less than the base went astray:
@@ -375,8 +234,13 @@ class Tracer:
         trials |= {name: replace(absorbed[name], score=trials[name].score) for name in done}
         if best := best_trial(trials, self.case.candidates):
             return Round(base, before, trials, (best,))
-        tried = self.trials.pairs(
-            self.case, base, before, {name: trials[name].score for name in names}, number
+        tried = pair_fits(
+            self.trials,
+            self.case,
+            base,
+            before,
+            {name: trials[name].score for name in names},
+            number,
         )
         good = [each for each in tried if not each.why_not]
         if not good:

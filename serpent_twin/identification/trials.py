@@ -9,27 +9,19 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import (
-    HARDLY,
-    NEGLECTED,
     CandidateTrial,
-    PairTrial,
-    Round,
-    accepting,
-    weakness_of_fit,
 )
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
-from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.fitting.fitted import Fit, fits_better
-from serpent_twin.identification.fitting.free_parameters import UnstableStartError, free_parameters
+from serpent_twin.identification.fitting.free_parameters import UnstableStartError
 from serpent_twin.identification.fitting.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.gained import gained, happens_once
-from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
+from serpent_twin.identification.held_out import Errors, errors, gave_up
 from serpent_twin.identification.laws_to_fit import laws_to_fit, sensor_of
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.neglected import neglected
-from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
 from serpent_twin.identification.score_test import (
     BESIDE_OTHERS,
     WORTH_A_FIT,
@@ -62,8 +54,6 @@ a full fit removes as its score says, at most
 """
 _REWEIGHTED = 4
 """Most fits with new weights"""
-_RIVALS = 2
-"""Rivals, below which those that were not fitted in their round are fitted afterwards"""
 
 
 @dataclass(frozen=True)
@@ -233,75 +223,6 @@ class Trials:
 
         return float(self.notes.numbers("complete", 1, make)[0])
 
-    def pairs(
-        self, case: Case[Any], base: Fit, before: Errors, scores: Mapping[str, Score], number: int
-    ) -> tuple[PairTrial, ...]:
-        """Full fits of the pairs that help only together, to first order."""
-        known, out = case.candidates, []
-        chosen = pairs(list(scores.values()), base.residual, known)
-        for pair in chosen:
-            names = " and ".join(pair.names)
-            self.on_progress(f"{number}, pairs: fitting {names}")
-            point = base.point
-            for name, size in zip(pair.names, pair.size, strict=True):
-                point = point.having(name, scores[name].sized(known[name], size))
-            free = free_parameters(case, [*base.point.effects, *pair.names])
-            fitted = self.stable(
-                f"fit_{number}_pair_{'_'.join(pair.names)}",
-                lambda p=point, f=free: fit(
-                    case, self.training, p, f, 2, 1, self.on_progress, known=base
-                ),
-            )
-            if fitted is None or gave_up(before, self.errors(case, fitted.point)):
-                continue
-            among = len(chosen) + len(known)
-            trial = self.judged(case, scores[pair.names[0]], base, fitted, before, among)
-            assert trial.gain
-            both = {name: known[name] for name in pair.names}
-            weak = weakness_of_fit(fitted, trial.gain, both)
-            why = NEGLECTED if trial.within_neglect else weak
-            out.append(PairTrial(pair, trial, why))
-        return tuple(out)
-
-    def rivals(
-        self, case: Case[Any], name: str, accepted: Collection[str], rounds: Sequence[Round]
-    ) -> tuple[Rival, ...]:
-        """The rivals of an `accepted` effect, each fitted in its place and compared on held-out logs; none is
-        accepted itself.
-        """
-        number = accepting(rounds, name) + 1
-        done = rounds[number - 1]
-        case = replace(case, noise=done.base.noise)  # by which the base's derivative is weighed
-        others = {n: trial for n, trial in done.trials.items() if n not in accepted or n == name}
-        scores = {other: trial.score for other, trial in others.items()}
-        alike, winner = rivals(name, scores, case.candidates), done.trials[name].errors
-        if case.candidates[name].composed:
-            alike = {n: c for n, c in alike.items() if not _less(scores, name, n, done.base)}
-        own = case.candidates[name]
-        beside = [n for n in own.confused_with if n in scores]
-        beside += sorted(n for n in scores if n != name and own.is_law_beside(case.candidates[n]))
-        out = []
-        for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):
-            errors = done.trials[other].errors
-            if errors is None and len(out) < _RIVALS and not scores[other].unstable:
-                self.on_progress(f"rivals: fitting {spaced(other)}")
-                rival = self.stable(
-                    f"rival_{number}_{name}_{other}",
-                    lambda o=other: full_fit(
-                        case, self.training, done.base, scores[o], self.on_progress
-                    ),
-                )
-                errors = self.errors(case, rival.point) if rival else None
-            alone = cosine(scores[name], scores[other])
-            if errors is None or winner is None or gave_up(winner, errors):
-                out.append(Rival(other, alone, None, None))
-                continue
-            ahead = gain(errors, winner)
-            laws = bool(own.composed and case.candidates[other].composed)
-            hardly = laws and ahead.relative < HARDLY
-            out.append(Rival(other, alone, ahead.marker, ahead.probability_of_chance, hardly))
-        return tuple(out)
-
     def judged(
         self, case: Case[Any], score: Score, base: Fit, fitted: Fit, before: Errors, among: int
     ) -> CandidateTrial:
@@ -344,12 +265,6 @@ class Trials:
 
         better = self.notes.scores(f"places_{stage}", test)
         return {**found, **{each.name: each for each in better}}
-
-
-def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool:
-    """Whether a composed law removes clearly less than another, to first order."""
-    squares = float((base.residual.astype(float) ** 2).sum()) / base.variance_inflation
-    return (scores[name].share - scores[other].share) * squares > APART
 
 
 def in_words(point: ParameterVector) -> str:

@@ -195,7 +195,7 @@ def test_a_law_that_is_absent_leaves_a_model_bit_for_bit_as_it_was(tmp_path, mon
     case, pieces, zero = lever(tmp_path)
     nominal = case.machine.respond([zero], pieces)
     SomeLaw.does = staticmethod(lambda moment: None)
-    module = "serpent_twin.machines.model.machine.effects_at"
+    module = "serpent_twin.machines.model.simulated.effects_at"
     monkeypatch.setattr(module, lambda point: (SomeLaw(at="cable"), SomeLaw(at="pivot")))
     assert_array_equal(case.machine.respond([zero], pieces), nominal)
 

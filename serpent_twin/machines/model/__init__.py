@@ -27,7 +27,7 @@ from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.known_motion import LAG
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
-from serpent_twin.machines.model.machine import EVERY, ModelMachine
+from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.motion import STEPS, StartGains
 from serpent_twin.machines.model.noise import noise
 from serpent_twin.machines.model.poses import Rests
@@ -36,6 +36,7 @@ from serpent_twin.machines.model.rubbing import sized
 from serpent_twin.machines.model.segments import searched
 from serpent_twin.machines.model.session_starts import SessionStarts, about_starts
 from serpent_twin.machines.model.shared_unit import require_shared_unit
+from serpent_twin.machines.model.simulated import EVERY
 from serpent_twin.machines.model.sought import sought
 from serpent_twin.machines.model.starts import with_starts
 from serpent_twin.tables.log import Log
