@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.free_parameters import FreeParameters, free_parameters
@@ -30,8 +31,8 @@ def guessed(
     kept: Callable[[str, int, Callable[[], Array]], Array] = lambda _, __, make: make(),
 ) -> Case[Any]:
     """The case whose zeros are a first guess, as `kept` has it by a name: where the machine says that fits
-    begin; and where it has short segments of the training logs, what these say if that leaves less of some
-    usual ones.
+    begin; and where it has short segments of the training logs, rigid parts where sites have them and all
+    else as the segments say, if that leaves less of some usual ones.
     """
     begin, short = case.begin, case.shortest(training) is not None
     if not short and not begin.any():
@@ -41,17 +42,27 @@ def guessed(
         if not short:
             return begin
         on_progress("first guess of rigid parts")
-        parts = case.by_sites(training) + begin
-        begun = case.starting(parts)
-        return parts + _guess(begun, training, begun.shortest(training), on_progress)
+        parts = case.by_sites(training)
+        begun = case.starting(parts + begin)
+        found = _guess(begun, training, begun.shortest(training), parts == 0, on_progress)
+        return parts + begin + found
 
     return case.starting(kept(STAGE, len(case.declared), made))
 
 
-def _guess(case: Case[Any], training: Sequence[Log], short: Any, on_progress: OnProgress) -> Array:
-    """What declared coordinates are more, (P,); zeros where that leaves more than the case as it is."""
+def _guess(
+    case: Case[Any],
+    training: Sequence[Log],
+    short: Any,
+    loose: NDArray[np.bool_],
+    on_progress: OnProgress,
+) -> Array:
+    """What declared coordinates are more, (P,), of those that are `loose`, (P,): forces that a model lacks
+    would bend parts that sites tell. Zeros where that leaves more than the case as it is.
+    """
     nominal = point = ParameterVector.nominal(case.declared)
     guess, free = case, free_parameters(case, ())
+    free = replace(free, declared=tuple(k for k in free.declared if loose[k]))
     for n in range(1, _ROUNDS + 1):
         on_progress(f"first guess from row to row, {n} of {_ROUNDS}")
         guess = guess.reweighted(point, short)
