@@ -20,8 +20,10 @@ from serpent_twin.tables.log import Log
 
 STAGE = "first_guess"
 """Name of its stage"""
-_ROUNDS = 3
-"""Times that channels are weighed anew"""
+_ROUNDS, _SETTLED = 10, 0.9
+"""Times that channels are weighed anew, at most; share of the squares left before, above which another time
+gains little
+"""
 
 
 def guessed(
@@ -47,7 +49,8 @@ def guessed(
         found = _guess(begun, training, begun.shortest(training), parts == 0, on_progress)
         return parts + begin + found
 
-    return case.starting(kept(STAGE, len(case.declared), made))
+    found = case.starting(kept(STAGE, len(case.declared), made))
+    return found.knowing_parts(training) if short else found
 
 
 def _guess(
@@ -58,23 +61,33 @@ def _guess(
     on_progress: OnProgress,
 ) -> Array:
     """What declared coordinates are more, (P,), of those that are `loose`, (P,): forces that a model lacks
-    would bend parts that sites tell. Zeros where that leaves more than the case as it is.
+    would bend parts that sites tell. Of all rounds, what leaves least of some usual segments; zeros if the
+    case as it is does.
     """
-    nominal = point = ParameterVector.nominal(case.declared)
+    best = point = ParameterVector.nominal(case.declared)
     guess, free = case, free_parameters(case, ())
     free = replace(free, declared=tuple(k for k in free.declared if loose[k]))
+    pieces = case.pieces(training)
+    some = case.take(pieces, spread(len(pieces), case.segments[0]))
+
+    def left(point: ParameterVector) -> float:
+        return float((case.residual([point], some).astype(float) ** 2).sum())
+
+    least = left(best)
     for n in range(1, _ROUNDS + 1):
-        on_progress(f"first guess from row to row, {n} of {_ROUNDS}")
+        on_progress(f"first guess from row to row, {n}")
         guess = guess.reweighted(point, short)
-        some = _shared(case, free) if n == 1 else free
-        found = fit(guess, short, point, some, 1, len(short), used=range(len(short)))
+        some_free = _shared(case, free) if n == 1 else free
+        found = fit(guess, short, point, some_free, 1, len(short), used=range(len(short)))
         if not np.isfinite(found.residual).all():  # stable in longer time steps alone
             break
         point, guess = found.point, replace(guess, noise=found.noise)
-    pieces = case.pieces(training)
-    some = case.take(pieces, spread(len(pieces), case.segments[0]))
-    cost = (case.residual([nominal, point], some).astype(float) ** 2).sum(axis=(1, 2))
-    return (point if cost[1] < cost[0] else nominal).declared
+        before, now = least, left(point)
+        if now < before:
+            best, least = point, now
+        if n > 1 and not now < _SETTLED * before:
+            break
+    return best.declared
 
 
 def _shared(case: Case[Any], free: FreeParameters) -> FreeParameters:

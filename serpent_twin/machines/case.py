@@ -54,6 +54,8 @@ class Case(Generic[P]):
     """Priors of declared coordinates that are wider than the machine's, by name"""
     notes: tuple[str, ...] = ()
     """What was put right in the logs, and how runs begin where the logs do not say it, in sentences"""
+    told: Array | None = None
+    """Information that measured sites hold on rigid parts by themselves, (P, P); None without any"""
     clock: Stopwatch = field(default_factory=Stopwatch)
     """Time spent in simulation"""
 
@@ -156,6 +158,11 @@ class Case(Generic[P]):
         machine: Any = self.machine
         found: Array = machine.by_sites(sessions)
         return found
+
+    def knowing_parts(self, sessions: Sequence[Any]) -> "Case[P]":
+        """The case with what sites tell of rigid parts in sessions, of a machine that has short segments."""
+        machine: Any = self.machine
+        return replace(self, told=machine.told_by_sites(sessions))
 
     def starting(self, declared: Array) -> "Case[P]":
         """The case whose zeros are some values of the declared parameters, (P,)."""

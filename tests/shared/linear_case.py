@@ -22,6 +22,7 @@ class LinearCase:
     g: np.ndarray
     other: np.ndarray
     y: np.ndarray
+    told = None
     declared: tuple = (
         Declared("one", "1", 1e3, 0.1),
         Declared("two", "1", 1e3, 0.1),

@@ -183,9 +183,15 @@ class Objective:
         return least(normal, pull, *ends)
 
     def _linear(self, at: At, jacobian: Array) -> tuple[Array, Array, tuple[Array, Array]]:
-        """The normal matrix, what pulls, and the longest steps down and up."""
+        """The normal matrix, what pulls, and the longest steps down and up. Steps are damped along what sites
+        tell of rigid parts, in that metric (Levenberg's): while a twin lacks forces, parts would bend for
+        them, and what sites allow is narrow.
+        """
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
+        if self.case.told is not None:
+            declared = list(self.free.declared)
+            normal[: len(declared), : len(declared)] += self.case.told[np.ix_(declared, declared)]
         pull = -(flat @ at.residual.ravel()) / self.variance_inflation
         pull -= self.prior_pull(at.point, flat)
         return normal, pull, room(self.case, at.point, self.free)

@@ -6,6 +6,7 @@ them. Source: Hollerbach, Khalil and Gautier, Model identification, Springer Han
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -20,8 +21,8 @@ from serpent_twin.machines.model.from_sites import NOISE, placed_joints, site_co
 from serpent_twin.machines.model.seen import Seen, address
 from serpent_twin.tables.log import Log
 
-_ROWS, _STEPS = 300, 8
-"""Rows by which parts are guessed, some; Gauss-Newton steps, at most"""
+_ROWS, _STEPS, _TURNS = 300, 8, 4
+"""Rows by which parts are guessed, some; Gauss-Newton steps, at most, and of joints alone"""
 _TURN = 1e-6
 """Change of a joint in a difference [rad, m]"""
 _HELD = 1e-9
@@ -45,30 +46,54 @@ class Parts:
 
     def guessed(self, sessions: Sequence[Log]) -> Array:
         """The declared coordinates, (P,), 0 of those that move no site in a given pose."""
-        joints = placed_joints(self.machine)
-        measured, pose = self._rows(sessions, joints)
+        measured, pose, which = self._begun(sessions)
         x, priors = np.zeros(len(self.declared)), np.array([each.prior for each in self.declared])
-        which = np.arange(len(x))
-        _, by = self._differences(x, pose[: len(joints)], which, joints)
-        which = np.flatnonzero(np.abs(by[..., : len(x)]).max(axis=(0, 1)) > 0)
-        if not which.size:
-            return x
-        for _ in range(_STEPS):
-            place, by = self._differences(x, pose, which, joints)
-            off = measured - place
-            step, turned = _step(off, by, x[which], priors[which])
+        for _ in range(_STEPS if which.size else 0):
+            place, by = self._differences(x, pose, which)
+            beyond = _BeyondJoints.of(measured - place, by, len(which))
+            square = beyond.information + np.diag(priors[which] ** -2)
+            step = np.linalg.solve(square, beyond.pull - x[which] / priors[which] ** 2)
             x[which] += step
-            pose[:, [address(self.machine.model, joint) for joint in joints]] += turned
+            pose[:, self._at] += beyond.turned(step)
             if np.abs(step / priors[which]).max() < _SETTLED:
                 break
         return x
 
-    def _rows(self, sessions: Sequence[Log], joints: Sequence[str]) -> tuple[Array, Array]:
+    def told(self, sessions: Sequence[Log]) -> Array:
+        """Information that sites hold on the declared coordinates where these are zero, (P, P)."""
+        measured, pose, which = self._begun(sessions)
+        x, out = np.zeros(len(self.declared)), np.zeros((len(self.declared),) * 2)
+        for _ in range(_TURNS if which.size else 0):
+            place, by = self._differences(x, pose, which[:0])
+            pose[:, self._at] += _BeyondJoints.of(measured - place, by, 0).turned(np.zeros(0))
+        if which.size:
+            place, by = self._differences(x, pose, which)
+            beyond = _BeyondJoints.of(measured - place, by, len(which))
+            out[np.ix_(which, which)] = beyond.information
+        return out
+
+    @cached_property
+    def _joints(self) -> Sequence[str]:
+        return placed_joints(self.machine)
+
+    @cached_property
+    def _at(self) -> list[int]:
+        return [address(self.machine.model, joint) for joint in self._joints]
+
+    def _begun(self, sessions: Sequence[Log]) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Places of sites, and poses, of `_rows`; and which coordinates move a site in a given pose."""
+        measured, pose = self._rows(sessions)
+        every = np.arange(len(self.declared))
+        _, by = self._differences(np.zeros(len(every)), pose[: len(self._joints)], every)
+        moves = np.abs(by[..., : len(every)]).max(axis=(0, 1)) > 0
+        return measured, pose, np.flatnonzero(moves)
+
+    def _rows(self, sessions: Sequence[Log]) -> tuple[Array, Array]:
         """Places of sites in some rows, (N, 3 S), NaN where lost, and the poses in which joints are, as the
         model places them, (N, nq).
         """
         machine, each = self.machine, max(1, _ROWS // len(sessions))
-        columns = machine.read_joints | {joint: site_column(joint) for joint in joints}
+        columns = machine.read_joints | {joint: site_column(joint) for joint in self._joints}
         sites = [name for one in machine.about.measured if one.site for name in one.columns]
         measured, poses = [], []
         for log in sessions:
@@ -80,45 +105,57 @@ class Parts:
             poses.append(pose)
         return np.concatenate(measured), np.concatenate(poses)
 
-    def _differences(
-        self, x: Array, pose: Array, which: NDArray[np.intp], joints: Sequence[str]
-    ) -> tuple[Array, Array]:
+    def _differences(self, x: Array, pose: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
         """Places of sites at coordinates and poses, (N, 3 S), and their derivatives by some coordinates and
         by the joints, (N, 3 S, P + J).
         """
         steps = [self.declared[n].step for n in which]
         each = [x] + [x + step * np.eye(len(x))[n] for n, step in zip(which, steps, strict=True)]
         models, values = zip(*map(self.compiled, each), strict=True)
-        runs, count = [*models, *models[:1] * len(joints)], len(models)
+        runs, count = [*models, *models[:1] * len(self._joints)], len(models)
         batch = side_by_side(runs, 1)
-        seen = Seen(self.machine, self.frame, [*values, *values[:1] * len(joints)])
+        seen = Seen(self.machine, self.frame, [*values, *values[:1] * len(self._joints)])
         seen.bind(batch, runs)
         turned = np.zeros((len(runs), self.machine.model.nq))
-        at = [address(self.machine.model, joint) for joint in joints]
-        turned[count + np.arange(len(joints)), at] = _TURN
+        turned[count + np.arange(len(self._joints)), self._at] = _TURN
         found = []
         for row in pose:
             batch.bind("qpos")[:] = row + turned
             batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
             found.append(seen.read(batch)[:, seen.sites])
         places = np.array(found)
-        per = np.r_[steps, np.full(len(joints), _TURN)]
+        per = np.r_[steps, np.full(len(self._joints), _TURN)]
         by = (places[:, 1:] - places[:, :1]) / per[:, None]
         return places[:, 0], by.swapaxes(1, 2)
 
 
-def _step(off: Array, by: Array, x: Array, priors: Array) -> tuple[Array, Array]:
-    """Gauss-Newton's step of the coordinates, (P,), and of the joints of each row, (N, J)."""
-    seen = np.isfinite(off)
-    off, by = np.where(seen, off, 0.0), by * seen[..., None]
-    parts, joints = by[..., : len(x)], by[..., len(x) :]
-    square = joints.swapaxes(1, 2) @ joints + _HELD * np.eye(joints.shape[-1])
-    taken = np.linalg.solve(
-        square, joints.swapaxes(1, 2) @ np.concatenate([parts, off[..., None]], 2)
-    )
-    free = parts - joints @ taken[..., :-1]
-    left = off - (joints @ taken[..., -1:])[..., 0]
-    noise = max(NOISE, float(np.sqrt(np.mean(left[seen] ** 2))))
-    square = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2 + np.diag(priors**-2)
-    step = np.linalg.solve(square, np.einsum("nki,nk->i", free, left) / noise**2 - x / priors**2)
-    return step, taken[..., -1] - taken[..., :-1] @ step
+@dataclass(frozen=True)
+class _BeyondJoints:
+    """What sites tell of parts beyond the joints of each row, which are eliminated."""
+
+    information: Array
+    """Of the parts, (P, P)"""
+    pull: Array
+    """Towards where the sites have them, (P,)"""
+    taken: Array
+    """What the joints of each row take up of the parts, and of what is off, (N, J, P + 1)"""
+
+    @classmethod
+    def of(cls, off: Array, by: Array, parts: int) -> "_BeyondJoints":
+        """What is told by how far sites are off, (N, K), NaN where lost, and by the derivatives of their
+        places by so many parts and by the joints, (N, K, P + J).
+        """
+        seen = np.isfinite(off)
+        off, by = np.where(seen, off, 0.0), by * seen[..., None]
+        own, joints = by[..., :parts], by[..., parts:]
+        square = joints.swapaxes(1, 2) @ joints + _HELD * np.eye(joints.shape[-1])
+        both = joints.swapaxes(1, 2) @ np.concatenate([own, off[..., None]], 2)
+        taken = np.linalg.solve(square, both)
+        free, left = own - joints @ taken[..., :-1], off - (joints @ taken[..., -1:])[..., 0]
+        noise = max(NOISE, float(np.sqrt(np.mean(left[seen] ** 2))))
+        information = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2
+        return cls(information, np.einsum("nki,nk->i", free, left) / noise**2, taken)
+
+    def turned(self, step: Array) -> Array:
+        """By how much the joints of each row turn with a step of the parts, (P,); (N, J)."""
+        return self.taken[..., -1] - self.taken[..., :-1] @ step

@@ -97,11 +97,18 @@ class ModelMachine(SimulatedModel):
 
     def by_sites(self, sessions: Sequence[Log]) -> Array:
         """Coordinates, (P,), with which rigid parts are where measured sites have them; 0 of all else."""
+        return self._parts.guessed(sessions)
+
+    def told_by_sites(self, sessions: Sequence[Log]) -> Array:
+        """Information that measured sites hold on rigid parts near a first guess of them, (P, P)."""
+        return self._parts.told(sessions)
+
+    @property
+    def _parts(self) -> Parts:
         compiled = partial(self._compiled, effects=(), known=())
-        parts = Parts(
+        return Parts(
             self.described, self.frame, self.declared, lambda x: (compiled(x), self.values(x))
         )
-        return parts.guessed(sessions)
 
     def starting(self, declared: Array) -> "ModelMachine":
         """The machine whose fit starts from coordinates, (P,)."""
