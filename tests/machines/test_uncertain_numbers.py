@@ -138,15 +138,22 @@ def test_an_axis_leans_by_milliradians(tmp_path, angle):
     assert np.arccos(was @ now) == pytest.approx(8e-3, rel=1e-4) and now[0] > 0 == now[2]
 
 
+def _declared(path, log):
+    rig = open_machine(path)
+    return rig.open(rig.read(log)).machine.declared
+
+
 def test_one_of_several_that_share_a_number_is_ten_widths_off_at_most(tmp_path):
     changed(tmp_path, "mass", "lower", 0.1)
     path, log = tmp_path / "machine.toml", tmp_path / "log.csv"
     text = path.read_text().replace('of = ["lower"]', 'of = ["*er"], each = 0.2')
     path.write_text(text)
-    rig = open_machine(path)
-    known = {each.name: each for each in rig.open(rig.read(log)).machine.declared}
+    known = {each.name: each for each in _declared(path, log)}
     assert known["mass of lower"].farthest == pytest.approx(2.0)
     assert known["mass of *er"].farthest == pytest.approx(np.log(1000))
+    path.write_text(text.replace("each = 0.2", "most = 0.06"))
+    (mass,) = (e for e in _declared(path, log) if e.name == "mass of *er")
+    assert mass.farthest == 0.06
 
 
 def test_a_site_is_shifted(tmp_path):

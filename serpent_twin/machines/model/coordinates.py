@@ -130,9 +130,9 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
         which = tuple(n for n, name in enumerate(known) if fnmatchcase(name, pattern))
         shared = _coordinate(model, uncertain.number, which, prior, pattern)
         expected = shared.quantity.after(uncertain.begin)
-        yield replace(
-            shared, begin=uncertain.begin, quantity=replace(shared.quantity, nominal=expected)
-        )
+        held = replace(shared.declared, farthest=uncertain.most or shared.declared.farthest)
+        quantity = replace(shared.quantity, nominal=expected)
+        yield replace(shared, declared=held, begin=uncertain.begin, quantity=quantity)
         apart = uncertain.each or 0.0
         for n in which if apart and len(which) > 1 else ():
             one = _coordinate(model, uncertain.number, (n,), apart, known[n])

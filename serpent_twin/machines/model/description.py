@@ -196,10 +196,10 @@ class Uncertain(Form, frozen=True):
     """Standard deviation by which each of those that match differs from what they share, in the same terms;
     by default they do not differ
     """
+    most: Annotated[float, above(0.0, 1000.0)] | None = None
+    """Bound of what they share, in the terms of `prior`"""
     begin: Annotated[float, within(-10.0, 10.0)] = 0.0
-    """Where a fit of what they share begins, away from the model's number, in the terms of `prior`: where a
-    number shows, or is known to be
-    """
+    """Where a fit of what they share begins, in the terms of `prior`"""
 
 
 class KnownNumber(Form, frozen=True):
