@@ -23,8 +23,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.catalogue import CATALOGUE, LEFT_OUT
 from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.machines.model import machine as model_machine
-from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model import open_machine, simulated
 from serpent_twin.machines.model.starts import with_starts
 from serpent_twin.sim.many_twins import impose
 from serpent_twin.sim.prescribed_motion import DrivenArms
@@ -84,7 +83,7 @@ def _servo():
             about, columns = pendulum(kp, 0.01, 0.002, 0.1, seconds=1, seed=kp)
             write_log(Path(folder) / f"{kp}.parquet", about, **columns)
         logs = rig.read(Path(folder))
-    return _bench(model_machine, rig.open(logs).machine, *logs)
+    return _bench(simulated, rig.open(logs).machine, *logs)
 
 
 def _model():
@@ -98,7 +97,7 @@ def _model():
     goal = {f"goal_{n}": 0.5 * np.sin(2 * np.pi * n * time) for n in (1, 2)}
     angle = {f"angle_{n}": 0.5 * goal[f"goal_{n}"] for n in (1, 2)}
     log = with_starts(rig.described, [Log(None, {}, {"time": time, **goal, **angle})])[0]
-    return _bench(model_machine, rig.open([log]).machine, log)
+    return _bench(simulated, rig.open([log]).machine, log)
 
 
 def _tendon():
@@ -110,7 +109,7 @@ def _tendon():
     told = {"pulled": 0.05 * np.sin(2 * np.pi * time), "current": 0.1 * np.cos(7 * time)}
     angle = {"angle_1": 9 * told["pulled"], "angle_2": 0.1 * np.sin(7 * time)}
     log = with_starts(rig.described, [Log(None, {}, {"time": time, **told, **angle})])[0]
-    return _bench(model_machine, rig.open([log]).machine, log)
+    return _bench(simulated, rig.open([log]).machine, log)
 
 
 BENCHMARKS = {

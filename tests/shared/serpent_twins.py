@@ -9,10 +9,10 @@ import pytest
 
 from serpent_twin.arm.mjcf import MODEL
 from serpent_twin.machines.machine import Output
-from serpent_twin.machines.model import machine as model_machine
-from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model import open_machine, simulated
 from serpent_twin.machines.model.coordinates import coordinates
 from serpent_twin.machines.model.limits import logged_limits
+from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
@@ -33,16 +33,14 @@ def _machine(rig, logs):
     )
     frame = {"pivot": np.zeros(3), "shift": np.zeros(3)}
     described, limits = rig.described, logged_limits(rig.described, logs)
-    return model_machine.ModelMachine(
-        described, outputs, {}, coordinates(described), limits, frame, steps=STEPS
-    )
+    return ModelMachine(described, outputs, {}, coordinates(described), limits, frame, steps=STEPS)
 
 
 @dataclass(frozen=True)
 class Serpent:
     """Pieces of a session, and twins with effects in them by either engine, (S, T, 37) in SI."""
 
-    machine: model_machine.ModelMachine
+    machine: ModelMachine
     pieces: object
     motion: PrescribedMotion
     past: tuple
@@ -58,7 +56,7 @@ class Serpent:
         none = np.zeros(len(self.machine.declared))
         points = [SimpleNamespace(declared=none, there=there) for there in several]
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(model_machine, "effects_at", lambda at: getattr(at, "there", ()))
+            patch.setattr(simulated, "effects_at", lambda at: getattr(at, "there", ()))
             return self.machine.respond(points, self.pieces)
 
     def by_itself(self, *there):
