@@ -1,6 +1,6 @@
 """Step the arm's cables, gears and hinges."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from mujoco.batch import Batch
@@ -21,7 +21,9 @@ _OF_PARTS = (
     "slack", "stiffness", "joint_friction", "transition_velocity", "gear_friction", "stiffening",
 )  # fmt: skip
 """Quantities of an instant that are those of the arm's parts, unless an effect changes them"""
-_NOTHING = dict.fromkeys(("reading_age", "marker_shift", "load_shift", "load_scale"), 0.0)
+_NOTHING = dict.fromkeys(
+    ("reading_age", "marker_shift", "load_shift", "load_scale", "presliding"), 0.0
+)
 """And those that are nothing"""
 
 
@@ -70,6 +72,8 @@ class CableDynamics(Stepper[Moment]):
         """By how much it had the loads misread, as a share of the stall torque, or (n, 10)"""
         self.load_scale: Array | float = 0.0
         """And as a share of the loads themselves, or (n, 10)"""
+        self.presliding: Array | float = 0.0
+        """How hinges that stick give way [rad/(N m)], or (n, 1)"""
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array = 0.0
@@ -108,7 +112,7 @@ class CableDynamics(Stepper[Moment]):
             self._applied[:, self._motor_v] = moment.motor_torque
         self._age = moment.reading_age
         self.marker_shift, self.load_shift = moment.marker_shift, moment.load_shift
-        self.load_scale = moment.load_scale
+        self.load_scale, self.presliding = moment.load_scale, moment.presliding
 
     def step(
         self,
@@ -117,17 +121,22 @@ class CableDynamics(Stepper[Moment]):
         motor_velocity: Array,
         dt: float | Array,
         ids: NDArray[np.intp] | None = None,
+        before: Callable[[Array], None] | None = None,
         seen: bool = True,
     ) -> None:
         """Let the effects act on the next time step, and take it, of the runs `ids` alone if given.
 
-        Effects on what sensors show act only in steps that are `seen`.
+        `before` is called in between, with the winches' angles [rad], (n, 10). Effects on what sensors
+        show act only in steps that are `seen`.
         """
+        winch = motor_angle
         if self.moving or (self.acting and seen):
             moment = self.moment(time, motor_angle, motor_velocity, dt)
-            self.act(moment, seen)
+            winch = self.act(moment, seen).winch_angle
         else:
             self.wind(self.slack, motor_angle, motor_angle)
+        if before:
+            before(winch)
         self.batch.step(ids=ids)
 
     def _rub(self, moment: Moment) -> None:
