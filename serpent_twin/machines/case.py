@@ -160,7 +160,9 @@ class Case(Generic[P]):
         return found
 
     def knowing_parts(self, sessions: Sequence[Any]) -> "Case[P]":
-        """The case with what sites tell of rigid parts in sessions, of a machine that has short segments."""
+        """The case with the information that sites in sessions hold on rigid parts, for a machine that has
+        short segments.
+        """
         machine: Any = self.machine
         return replace(self, told=machine.told_by_sites(sessions))
 

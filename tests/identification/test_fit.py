@@ -47,24 +47,6 @@ def test_a_linear_fit_solves_the_normal_equations():
     np.testing.assert_allclose(found.point.declared, exact, rtol=1e-5)
 
 
-def test_steps_are_short_along_what_sites_tell_of_parts_by_themselves():
-    """What others pull at goes its whole way; the optimum is the same one."""
-    made = case(0.0)
-
-    class Told(LinearCase):
-        told = np.diag([1e6, 0.0])
-
-    told = Told(**made.__dict__)
-    plain, held = (
-        fit(each, every(), START, free_parameters(each, ()), 1, 99, steps=1).point.declared
-        for each in (made, told)
-    )
-    assert abs(held[0]) < 0.01 * abs(plain[0]) and abs(held[1]) > 0.5 * abs(plain[1])
-    start = replace(START, declared=plain)
-    again = fit(told, every(), start, free_parameters(told, ()), 1, 99, steps=1).point.declared
-    np.testing.assert_allclose(again, plain, atol=1e-3)
-
-
 def test_a_prior_pulls_towards_the_start():
     arm = case(0.0)
     tight = LinearCase(

@@ -60,7 +60,7 @@ def _points(machine, several):
     return [SimpleNamespace(declared=start, there=each) for each in several]
 
 
-def _bench(module, machine, *logs):
+def _bench(machine, *logs):
     runs = cut(
         [Stretch.whole(log) for log in logs],
         machine.columns,
@@ -69,7 +69,7 @@ def _bench(module, machine, *logs):
 
     def respond(*several):
         with pytest.MonkeyPatch.context() as patch:  # zero is zero, not just off it
-            patch.setattr(module, "effects_at", lambda point: getattr(point, "there", ()))
+            patch.setattr(simulated, "effects_at", lambda point: getattr(point, "there", ()))
             return _flat(machine.respond(_points(machine, several), runs))
 
     return Bench(machine.candidates, cache(respond))
@@ -83,7 +83,7 @@ def _servo():
             about, columns = pendulum(kp, 0.01, 0.002, 0.1, seconds=1, seed=kp)
             write_log(Path(folder) / f"{kp}.parquet", about, **columns)
         logs = rig.read(Path(folder))
-    return _bench(simulated, rig.open(logs).machine, *logs)
+    return _bench(rig.open(logs).machine, *logs)
 
 
 def _model():
@@ -97,7 +97,7 @@ def _model():
     goal = {f"goal_{n}": 0.5 * np.sin(2 * np.pi * n * time) for n in (1, 2)}
     angle = {f"angle_{n}": 0.5 * goal[f"goal_{n}"] for n in (1, 2)}
     log = with_starts(rig.described, [Log(None, {}, {"time": time, **goal, **angle})])[0]
-    return _bench(simulated, rig.open([log]).machine, log)
+    return _bench(rig.open([log]).machine, log)
 
 
 def _tendon():
@@ -109,7 +109,7 @@ def _tendon():
     told = {"pulled": 0.05 * np.sin(2 * np.pi * time), "current": 0.1 * np.cos(7 * time)}
     angle = {"angle_1": 9 * told["pulled"], "angle_2": 0.1 * np.sin(7 * time)}
     log = with_starts(rig.described, [Log(None, {}, {"time": time, **told, **angle})])[0]
-    return _bench(simulated, rig.open([log]).machine, log)
+    return _bench(rig.open([log]).machine, log)
 
 
 BENCHMARKS = {

@@ -131,7 +131,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class _BeyondJoints:
-    """What sites tell of parts beyond the joints of each row, which are eliminated."""
+    """Information that sites hold on rigid parts after the joints of each row were eliminated."""
 
     information: Array
     """Of the parts, (P, P)"""
@@ -142,7 +142,7 @@ class _BeyondJoints:
 
     @classmethod
     def of(cls, off: Array, by: Array, parts: int) -> "_BeyondJoints":
-        """What is told by how far sites are off, (N, K), NaN where lost, and by the derivatives of their
+        """Information from how far sites are off, (N, K), NaN where lost, and by the derivatives of their
         places by so many parts and by the joints, (N, K, P + J).
         """
         seen = np.isfinite(off)
