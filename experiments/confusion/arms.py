@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 import bench_arm
+from experiments.arm_catalogue import CATALOGUE
 from experiments.confusion.expected import of_bench
 from experiments.confusion.plan import SESSIONS, Trial, confusable, plan
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.effects import Effect, ranges, strengths
 from serpent_twin.effects.strands import N_STRANDS
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.runs.files import write_json
 
 RATE_HZ = 4.0

@@ -1,6 +1,7 @@
 """Judge the intervals of a bench arm's parts: geometry and masses are known, and mean the same in the twin.
 
-A trace states some seventy such numbers, so a few arms show whether its standard errors are right.
+A trace states some sixty such numbers, so a few arms show whether its standard errors are right. The cameras'
+frame is none of them: its numbers count from a trace's first guess.
 """
 
 from collections.abc import Mapping
@@ -16,22 +17,20 @@ _AXES = "xyz"
 
 def true_parts(parameters: Mapping[str, Any]) -> dict[str, float]:
     """The numbers of a bench arm's parts, by their names in a diagnosis, in the unit of the interval there:
-    mm, g or mrad.
+    mm, m, kg or mrad.
     """
     true = {}
     markers = 1e3 * (ARM.markers_in_links + np.array(parameters["marker_offset"]))
-    lengths = 1e3 * np.array(ARM.link_length) * parameters["length_ratio"]
-    masses = 1e3 * np.array(ARM.link_mass) * parameters["mass_ratio"]
+    lengths = np.array(ARM.link_length) * parameters["length_ratio"]
+    masses = np.array(ARM.link_mass) * parameters["mass_ratio"]
     links = zip(markers, lengths, masses, parameters["axis_tilt"], strict=True)
     for link, (marker, length, mass, (along, across)) in enumerate(links, 1):
         places = zip(_AXES, marker, strict=True)
-        true |= {f"place of marker {link}, {x} in its link's frame": at for x, at in places}
-        true |= {f"length of link {link}": length, f"mass of link {link}": mass}
-        true[f"lean of axis {link}, along its link"] = 1e3 * along
-        true[f"lean of axis {link}, across"] = 1e3 * across
-    for n, x in enumerate(_AXES):
-        true[f"cameras along {x}"] = 1e3 * parameters["camera_shift"][n]
-        true[f"cameras about {x}"] = 1e3 * parameters["camera_turn"][n]
+        true |= {f"site {x} of marker{link}": at for x, at in places}
+        true |= {f"body x of link{link + 1}": length, f"mass of link{link}": mass}
+        true[f"joint axis x of joint{link}"] = 1e3 * along
+        side, axis = (-1e3, "y") if link % 2 else (1e3, "z")  # hinges about z and y in turn
+        true[f"joint axis {axis} of joint{link}"] = side * across
     return {name: float(value) for name, value in true.items()}
 
 

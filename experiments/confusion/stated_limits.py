@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from experiments.arm_catalogue import CATALOGUE
 from serpent_twin.effects import Effect, ranges, strengths
 from serpent_twin.identification import Trace
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
+from serpent_twin.identification.first_guess import guessed
 from serpent_twin.identification.run import planned
 from serpent_twin.identification.score_test import scores
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.machines.machine import ParameterVector
 
 
@@ -35,6 +36,7 @@ def limit_of(traced: Trace, effect: Mapping[str, Any]) -> float:
     rig, training, _ = planned(traced)
     case = rig.open(training)
     notes = Checkpoints(traced.out / "stages", case.clock)
+    case = guessed(case, training, lambda _: None, notes.numbers)
     pieces = case.pieces(training)
     start = ParameterVector.nominal(case.declared)
     case = case.reweighted(start, pieces)

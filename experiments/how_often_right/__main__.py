@@ -10,13 +10,16 @@ from pathlib import Path
 from experiments.confusion.arm_line import read
 from experiments.how_often_right.rates import rates
 from experiments.result_page import PAGES, publish, store
-from serpent_twin import __version__
+from serpent_twin import __version__, machines
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.arm import track_record
+from serpent_twin.machines.model.track_record import FILE
 from serpent_twin.numerals import counted, listed
 from serpent_twin.runs.files import write_json
+
+RECORD = machines.PACKAGED.with_name(FILE)
+"""What the reports of traces of the arm quote"""
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class HowOftenRight(Checked):
     page: Path | None = None
     """Also write the results as a page, such as docs/results/how-often-right.md."""
     record: bool = False
-    """Also write what the reports of traces quote, a file of the package."""
+    """Also write what the reports of traces of the arm quote, a file of the package."""
 
 
 def main(config: HowOftenRight) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -50,8 +53,8 @@ def main(config: HowOftenRight) -> None:  # noqa: D103 tyro would print it above
     for name, told in found["rates"].items():
         print(f"{name}: {told['said']}")
     if config.record:
-        write_json(track_record.FILE, {"version": config.version, "names": found["names"]})
-        print(f"{track_record.FILE}: what reports quote of {counted(len(found['names']), 'name')}.")
+        write_json(RECORD, {"version": config.version, "names": found["names"]})
+        print(f"{RECORD}: what reports quote of {counted(len(found['names']), 'name')}.")
     publish(results, config.page)
 
 

@@ -64,7 +64,8 @@ def trace_arm(folder: Path, parts: Split, out: Path, seed: int, size: Size) -> T
     config = Trace((folder,), out, judge="validation", seed=seed, twins=size.drawn)
     done = out / "diagnosis.json"
     if not done.exists():
-        trace_sessions(config, machines.find("arm"), parts.train, parts.validate)
+        rig = machines.find(machines.ARM)
+        trace_sessions(config, rig, rig.logs(parts.train), rig.logs(parts.validate))
     diagnosis = stored.read_json(done)
     drawn = sorted((out / "twins").glob("drawn_*.json"))[: size.drawn]
     return Twins(

@@ -21,7 +21,7 @@ from experiments.stiffness_sweep.plan import GRID, POSED, SweepPlan, full, quick
 from experiments.stiffness_sweep.result_page import reasons
 from experiments.stiffness_sweep.rows import rows_of
 from experiments.stiffness_sweep.transfer import matrix
-from serpent_twin import machines, stored
+from serpent_twin import stored
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, RateHz, Workers, used_only, when
@@ -30,7 +30,7 @@ from serpent_twin.reservoir.sweep_run import Sweep, sweep
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.sessions import Session
+from serpent_twin.sessions import Session, read_folder, refuse_damaged
 from serpent_twin.stored import within
 
 SETTINGS = "stiffness_sweep.json"
@@ -128,7 +128,8 @@ def engine(plan: SweepPlan) -> dict[str, float]:
 
 def read(config: StiffnessSweep, plan: SweepPlan, folder: Path) -> list[Session]:
     """The sessions of an arm that are to be used."""
-    sessions = machines.find("arm").read(folder)[: config.sessions or None]
+    sessions = read_folder(folder)[: config.sessions or None]
+    refuse_damaged(sessions)
     return [session[: plan.log_rows] for session in sessions]
 
 

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from experiments.stiffness_sweep.cable_law import CableLaw, cable_laws
+from experiments.stiffness_sweep.kinematic_calibration import Kinematics, calibrate
 from experiments.stiffness_sweep.plan import SweepPlan
-from serpent_twin import machines, reservoir
+from serpent_twin import reservoir
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_from_motor
-from serpent_twin.arm.kinematic_calibration import calibrate
+from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -26,7 +28,7 @@ from serpent_twin.training.training_run import TrainingRun
 
 HOLDS = 8
 """Greatest delay of the memory of logs, in holds of one target"""
-_FEW = 600  # rows from which the cameras' noise is estimated
+_FEW = 600  # rows by which the kinematics are calibrated
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,14 @@ def place(sessions: Sequence[Session], twin: Path | None) -> ChartPosition:
     if twin:
         return _median(twin_model.read(twin), f"its trace: {twin.parent.name}/{twin.name}")
     training = sessions[:-1]
-    start = machines.find("arm").open(training).machine.vector.start
-    return _median(start, f"first guesses from {counted(len(training), 'session')}")
+    found = [law for law in _cable_laws(training) if law]
+    if not found:
+        raise SerpentError(
+            "no motor moves in these logs, so that no cable's law can be identified."
+        )
+    stiffness, slack = ([getattr(law, of) for law in found] for of in ("stiffness", "slack"))
+    source = f"first guesses from {counted(len(training), 'session')}"
+    return ChartPosition(float(np.median(stiffness)), float(max(0.0, np.median(slack))), source)
 
 
 def _median(arm: twin_model.TwinModel, source: str) -> ChartPosition:
@@ -68,6 +76,23 @@ def _median(arm: twin_model.TwinModel, source: str) -> ChartPosition:
     stiffness = told.strand_stiffness * np.exp(np.median(parts.strand_stiffness))
     slack = told.strand_slack + np.median(parts.strand_slack)
     return ChartPosition(float(stiffness), float(max(0.0, slack)), source)
+
+
+def _cable_laws(sessions: Sequence[Session]) -> list[CableLaw | None]:
+    """The law of every cable, by logged poses and loads."""
+    marker, motor, velocity, load = (
+        np.concatenate([getattr(session, name) for session in sessions])
+        for name in ("marker", "motor_position", "motor_velocity", "motor_load")
+    )
+    start = joint_from_motor(motor[:, :N_JOINTS])
+    built = _kinematics(marker, start).deviations.built(ARM)
+    return cable_laws(joints_from_markers(marker, start, built), motor, velocity, load)
+
+
+def _kinematics(marker: Array, start: Array) -> Kinematics:
+    """An arm's kinematics by some of the rows of logged markers, (N, 9, 3), and joint angles, (N, 9)."""
+    few = slice(None, None, max(1, len(marker) // _FEW))
+    return calibrate(marker[few], start[few])
 
 
 def placed(sessions: Sequence[Session], at: ChartPosition, plan: SweepPlan) -> dict[str, Any]:
@@ -96,8 +121,7 @@ def noise(sessions: Sequence[Session]) -> float:
     """Standard deviation of a marker's coordinate [m]: what no pose of the arm explains."""
     marker = np.concatenate([session.marker for session in sessions])
     motor = np.concatenate([session.motor_position for session in sessions])
-    few = slice(None, None, max(1, len(marker) // _FEW))
-    return calibrate(marker[few], joint_from_motor(motor[few, :N_JOINTS])).rms
+    return _kinematics(marker, joint_from_motor(motor[:, :N_JOINTS])).rms
 
 
 def errors(sessions: Sequence[Session], names: Sequence[str]) -> dict[str, float]:

@@ -42,4 +42,3 @@ def give_way(moment: Any, held: Array, compliance: Array | float) -> None:
     near = np.where(slides, _HARD, room * give / dt)
     moment.transition_velocity = np.where(elastic, near, moment.transition_velocity)
     moment.joint_friction = room
-    moment.presliding = compliance

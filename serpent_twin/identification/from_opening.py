@@ -1,6 +1,6 @@
 """Fit candidates from where nothing is calibrated: a calibration without them absorbs delays and friction."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -72,8 +72,8 @@ def from_opening(
 ) -> dict[str, CandidateTrial]:
     """Score tests of candidates where nothing is calibrated, and full fits of the best few together with all
     declared parameters, judged against the calibrated `base`. Those that are near the best, or near the base
-    if that is better, are gone on with by the weights that they leave, as it was; where a derivative is dear,
-    the best alone.
+    if that is better, are gone on with by the weights that they leave; where a derivative is dear, the best
+    alone, as far as the base was.
     """
     case, begun = opening
     found = trials.placed(stage, case, begun, trials.scores(stage, case, begun, names))
@@ -103,10 +103,11 @@ def from_opening(
             out[name] = replace(out[name], score=replace(found[name], unstable=True))
             continue
         fits[name] = min(several, key=lambda each: each.cost)
+    best = min((each.cost for each in fits.values()), default=np.inf)
     for name, fitted in fits.items():
         own = weighed
-        if fitted.cost <= (BEHIND if cheap else 1.0) * least:
-            own, fitted = trials.reweighted(weighed, fitted, f"fit_{stage}_{name}", once=True)
+        if fitted.cost <= (BEHIND * least if cheap else best):
+            own, fitted = trials.reweighted(weighed, fitted, f"fit_{stage}_{name}", once=cheap)
         trial = trials.judged(own, found[name], base, fitted, before, len(chosen))
         out[name] = replace(trial, opened=True)
     return out
@@ -131,22 +132,3 @@ def _others(trials: Trials, case: Case[Any], begun: Fit, score: Score, stage: st
 
     tested = trials.notes.scores(f"scores_{stage}_{score.name}_variants", test)
     return [one for one in tested if one.share > _TIED * score.share]
-
-
-def behind(
-    trials: Trials,
-    case: Case[Any],
-    names: Sequence[str],
-    base: Fit,
-    absorbed: Mapping[str, CandidateTrial],
-    stage: str,
-) -> list[str]:
-    """The names of candidates that leave far more on top of a base, to first order, than one of those that
-    were fitted from the opening.
-    """
-    scores = trials.scores(stage, case, base, names)
-    points = [each.fit.point for each in absorbed.values() if each.fit]
-    some = case.take(trials.training, base.used)
-    squares = (case.residual([base.point, *points], some) ** 2).sum(axis=(1, 2))
-    most = BEHIND * np.nanmin(squares[1:]) / squares[0]
-    return [name for name in names if 1 - scores[name].share > most]

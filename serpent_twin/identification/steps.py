@@ -12,7 +12,6 @@ from dataclasses import replace
 
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
-    HARDLY,
     CandidateTrial,
     Round,
     Selection,
@@ -27,9 +26,9 @@ from serpent_twin.identification.exchanged import exchanged
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.least_squares import derives_cheaply
 from serpent_twin.identification.fitting.objective import prior_squares
-from serpent_twin.identification.from_opening import Opening, behind, from_opening, opened
+from serpent_twin.identification.from_opening import Opening, from_opening, opened
 from serpent_twin.identification.gained import gained
-from serpent_twin.identification.held_out import gave_up
+from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.moved import FAR
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.pair_fits import pair_fits
@@ -93,7 +92,7 @@ class Tracer(TracerFits):
         base, rounds = calibrated, list[Round]()
         while len(rounds) < _MOST_EFFECTS and not self.late:
             done = self._round(base, rounds, opening)
-            sought = not rounds and self._may_be_far_off(base, done)
+            sought = not rounds and self._much(base, done.errors)
             if sought and (wide := far_off(self.trials, self.case, opening, base, done)):
                 self.case = replace(self.case, widened=wide.case.widened, noise=wide.case.noise)
                 stage = f"widened_{mark(list(self.case.widened))}"
@@ -108,13 +107,13 @@ class Tracer(TracerFits):
             self.case, base, rounds[:] = better.case, better.fit, better.rounds
         return calibrated, base, rounds
 
-    def _may_be_far_off(self, calibrated: Fit, done: Round) -> bool:
-        """Whether a number may be far from what was built: where calibration left much, or moved one further
-        than parts differ.
+    def _much(self, found: Fit, left: Errors) -> bool:
+        """Whether a fit left much, or moved a number further than parts differ, so that something may be
+        absorbed.
         """
-        squares = prior_squares(self.case, calibrated.point)
+        squares = prior_squares(self.case, found.point)
         strained = float(squares.max(initial=0.0)) > FAR**2
-        return strained or not self.trials.little(self.case, calibrated, done.errors)
+        return strained or not self.trials.little(self.case, found, left)
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
         """The fit with an effect in place of a number that was moved beyond reason, or found far off; or
@@ -194,11 +193,17 @@ class Tracer(TracerFits):
             return replace(done, trials=trials, accepted=(), undone=_UNDONE)
         return replace(done, trials=trials)
 
+    def _explained(self, trials: dict[str, CandidateTrial]) -> bool:
+        """Whether a candidate leaves little of what a calibration left, with no number moved far."""
+        best = trials.get(best_trial(trials, self.case.candidates))
+        return bool(best and best.fit and best.errors) and not self._much(best.fit, best.errors)
+
     def _round(self, base: Fit, rounds: Sequence[Round], opening: Opening) -> Round:
-        """Try all candidates; those that calibration may have absorbed also where nothing is calibrated yet;
-        and pairs, if none is accepted alone. A fit from there that explains less than the base went astray:
-        the candidate is then fitted from the base. Without any, a promising candidate stands until it was
-        fitted again. None is fitted where effects that were found may neglect all that is left.
+        """Try all candidates, and pairs, if none is accepted alone. Where the best leaves much, or
+        numbers far off, calibration may have absorbed another: the best few are then fitted where nothing is
+        calibrated yet, too. Without
+        any, a promising candidate stands until it was fitted again. None is fitted where effects that were
+        found may neglect all that is left.
         """
         number = len(rounds) + len(self.case.widened) + 1
         names = [
@@ -206,32 +211,21 @@ class Tracer(TracerFits):
             for n in self.case.candidates
             if n not in base.point.effects and n not in self.case.unseen
         ]
-        before = self.errors(base.point)
+        before, stage = self.errors(base.point), f"{number}_base"
         if neglected(self.case, base) >= 1:
-            stage = f"{number}_base"
             told = self.trials.each(names, self.case, base, base, before, stage, but=names)
             return Round(base, before, told, ())
-        much = not self.trials.little(self.case, base, before)
-        missed, absorbed = {}, {}
-        if number > 1 and not derives_cheaply(self.case):
-            missed = outdone(rounds[-1]) if much and rounds else {}
-        elif much:
+        much, late = self._much(base, before), number > 1 and not derives_cheaply(self.case)
+        missed = outdone(rounds[-1]) if late and much and rounds else {}
+        trials = self.trials.each(names, self.case, base, base, before, stage, anyway=missed)
+        if much and not late and not self._explained(trials):
             now = opened(self.trials, self.case, base, number) if number > 1 else opening
-            absorbed = from_opening(self.trials, names, now, base, before, f"{number}_start")
-        done = [n for n, each in absorbed.items() if each.fit and each.evidence > -HARDLY]
-        stage = f"{number}_base"
-        late = behind(self.trials, self.case, names, base, absorbed, stage) if done else []
-        trials = self.trials.each(
-            names,
-            self.case,
-            base,
-            base,
-            before,
-            stage,
-            anyway=missed,
-            but=[*done, *late],
-        )
-        trials |= {name: replace(absorbed[name], score=trials[name].score) for name in done}
+            found = from_opening(self.trials, names, now, base, before, f"{number}_start")
+            trials |= {
+                name: replace(each, score=trials[name].score)
+                for name, each in found.items()
+                if each.evidence > trials[name].evidence
+            }
         if best := best_trial(trials, self.case.candidates):
             return Round(base, before, trials, (best,))
         tried = pair_fits(

@@ -208,16 +208,6 @@ def in_one_sensor(changed: int, channels: int) -> bool:
     return 0 < changed <= min(_SENSOR, channels - 1)
 
 
-@dataclass(frozen=True)
-class MissingTorques:
-    """What the joints lacked where they were measured: exact, however far the machine gave way."""
-
-    torque: Array
-    """[N m], (S, T, J)"""
-    responses: Sequence[PlaceResponse]
-    """Torques on the joints by changes at places; changes are (d, S, T, J)"""
-
-
 class Places:
     """Where reality may differ from a machine's twin, and on what that may depend, in S segments of T
     rows.
@@ -235,8 +225,6 @@ class Places:
     """Angles of the twin's joints by name [rad], (S, T); readings have the measured ones. Empty if the twin
     is in the measured pose.
     """
-    missing_torques: MissingTorques | None = None
-    """What the joints lacked in the measured poses; None of a machine that does not say"""
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,11 @@ import numpy as np
 from serpent_twin.arm.control import TARGET_COLUMNS, checked_targets
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines import ARM
 from serpent_twin.runs.files import write_whole
 from serpent_twin.tables import parquet, text
 
 _KEY = b"serpent_twin_motion"
-ARM = "arm"
-"""The machine that is commanded here"""
 _ADVICE = "Give a file that python -m serpent_twin.plan wrote."
 
 

@@ -1,6 +1,6 @@
 """Plan a motion from its options, and write it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +10,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines import ARM
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.recording import motion, plan_criterion, plan_evidence, plan_page, traced
 from serpent_twin.recording.plan_criterion import Question
@@ -115,26 +116,14 @@ def plan(config: Plan) -> Planned:
 
 def proposed(trace: Traced, count: int, rng: np.random.Generator) -> Proposals[Any]:
     """Up to `count` motions of the traced machine, simulated by its twin; raises a `SerpentError` where
-    nothing commands it, or no motion keeps its limits.
+    no motion keeps its limits.
     """
-    machine = trace.case.machine
-    propose = _proposers().get(type(machine))
-    if not propose:
-        raise SerpentError(
-            f"nothing here commands the machine {trace.rig!r}: its logs were measured elsewhere. A motion "
-            "can be planned for the arm, and for a machine that a machine.toml describes."
-        )
-    return propose(machine, trace.fit.point, count, PIECE, trace.rate_hz, rng)
-
-
-def _proposers() -> Mapping[type, Callable[..., Proposals[Any]]]:
-    """What proposes motions of each kind of machine."""
-    from serpent_twin.machines.arm import motions
-    from serpent_twin.machines.arm.machine import ArmMachine
+    machine: Any = trace.case.machine
     from serpent_twin.machines.model import proposing
-    from serpent_twin.machines.model.machine import ModelMachine
+    from serpent_twin.recording import arm_motions
 
-    return {ArmMachine: motions.propose, ModelMachine: proposing.propose}
+    of = arm_motions if trace.rig == ARM else proposing
+    return of.propose(machine, trace.fit.point, count, PIECE, trace.rate_hz, rng)
 
 
 def questions(trace: Traced, rivals: Sequence[str] = ()) -> list[tuple[str, str]]:

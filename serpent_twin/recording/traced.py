@@ -58,6 +58,7 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
             f"{folder} does not say where its logs are: it was made by an earlier version. Give them with "
             "--logs."
         ) from None
+    name = machines.named(name, Path(name) if name.endswith(".toml") else None)
     rig = _same_machine(folder, name, settings.get("machine_sha256", {}))
     sessions = {each.name: each for each in read_logs(rig, said)}
     for note in notes_on(list(sessions.values())):
@@ -86,7 +87,12 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
 
 def _same_machine(folder: Path, name: str, hashes: Mapping[str, str]) -> Rig:
     """The machine of a name, or of a machine.toml that must still be what was traced."""
-    if hashes and not Path(name).is_file():
+    if not hashes:
+        raise SerpentError(
+            f"{folder} was made by an earlier version, which simulated the arm otherwise; its fit is no "
+            "longer read. Trace its logs again, with another --out."
+        )
+    if name not in machines.RIGS and not Path(name).is_file():
         raise SerpentError(
             f"{folder} was made with {name}, which is no longer there. Put the machine's folder back, or "
             "trace again with --machine."

@@ -106,9 +106,7 @@ class Session(Log):
         """Motor angles, velocities and loads of the rows in which a motor turns, (≤ T, 30); of all rows where
         none does.
         """
-        read = (self.motor_position, self.motor_velocity, self.motor_load)
-        turning = (self.motor_velocity != 0).any(axis=1)
-        return np.concatenate(read, axis=1)[turning if turning.any() else slice(None)]
+        return turning(self.motor_position, self.motor_velocity, self.motor_load)
 
     @property
     def prior_runtime(self) -> float:
@@ -117,6 +115,14 @@ class Session(Log):
             return float(self.metadata["prior_runtime_s"])
         number = int(self.metadata.get("session", 1))
         return (number - 1) * (float(self.time[-1] - self.time[0]) + 1 / self.rate_hz)
+
+
+def turning(angle: Array, velocity: Array, load: Array) -> Array:
+    """Motor angles, velocities and loads, (T, 10) each, of the rows in which a motor turns, (≤ T, 30); of all
+    rows where none does.
+    """
+    turns = (velocity != 0).any(axis=1)
+    return np.concatenate([angle, velocity, load], axis=1)[turns if turns.any() else slice(None)]
 
 
 def rate_of(metadata: Mapping[str, Any], where: str) -> float:

@@ -74,8 +74,6 @@ class Moment(Instant):
     """By which the motors' loads are misread, as a share of the stall torque [1], or (n, 10)"""
     load_scale: Array | float = 0.0
     """And as a share of the loads themselves [1], or (n, 10)"""
-    presliding: Array | float = 0.0
-    """Compliance of hinges that stick, which is in the torques and frictions above [rad/(N m)], or (n, 1)"""
 
     winch_ratio: Array | float = 1.0
     """Winch radius over the radius of the cable's pulleys [1]; of the first block, as all below"""

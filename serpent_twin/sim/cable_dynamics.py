@@ -1,6 +1,6 @@
 """Step the arm's cables, gears and hinges."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from mujoco.batch import Batch
@@ -21,9 +21,7 @@ _OF_PARTS = (
     "slack", "stiffness", "joint_friction", "transition_velocity", "gear_friction", "stiffening",
 )  # fmt: skip
 """Quantities of an instant that are those of the arm's parts, unless an effect changes them"""
-_NOTHING = dict.fromkeys(
-    ("reading_age", "marker_shift", "load_shift", "load_scale", "presliding"), 0.0
-)
+_NOTHING = dict.fromkeys(("reading_age", "marker_shift", "load_shift", "load_scale"), 0.0)
 """And those that are nothing"""
 
 
@@ -72,8 +70,6 @@ class CableDynamics(Stepper[Moment]):
         """By how much it had the loads misread, as a share of the stall torque, or (n, 10)"""
         self.load_scale: Array | float = 0.0
         """And as a share of the loads themselves, or (n, 10)"""
-        self.presliding: Array | float = 0.0
-        """How hinges that stick give way [rad/(N m)], or (n, 1)"""
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array = 0.0
@@ -112,7 +108,7 @@ class CableDynamics(Stepper[Moment]):
             self._applied[:, self._motor_v] = moment.motor_torque
         self._age = moment.reading_age
         self.marker_shift, self.load_shift = moment.marker_shift, moment.load_shift
-        self.load_scale, self.presliding = moment.load_scale, moment.presliding
+        self.load_scale = moment.load_scale
 
     def step(
         self,
@@ -121,22 +117,17 @@ class CableDynamics(Stepper[Moment]):
         motor_velocity: Array,
         dt: float | Array,
         ids: NDArray[np.intp] | None = None,
-        before: Callable[[Array], None] | None = None,
         seen: bool = True,
     ) -> None:
         """Let the effects act on the next time step, and take it, of the runs `ids` alone if given.
 
-        `before` is called in between, with the winches' angles [rad], (n, 10). Effects on what sensors
-        show act only in steps that are `seen`.
+        Effects on what sensors show act only in steps that are `seen`.
         """
-        winch = motor_angle
         if self.moving or (self.acting and seen):
             moment = self.moment(time, motor_angle, motor_velocity, dt)
-            winch = self.act(moment, seen).winch_angle
+            self.act(moment, seen)
         else:
             self.wind(self.slack, motor_angle, motor_angle)
-        if before:
-            before(winch)
         self.batch.step(ids=ids)
 
     def _rub(self, moment: Moment) -> None:

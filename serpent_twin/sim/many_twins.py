@@ -11,12 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.arm.geometry import markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import structure
 from serpent_twin.runs.processes import threads
-from serpent_twin.sim.differences import differences
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.reading_age import MarkersAfter
@@ -72,33 +70,6 @@ def impose(
     for _ in run.rows():
         pass
     return run.response()
-
-
-def differentiate(
-    design: TwinModel,
-    others: Sequence[TwinModel],
-    motion: PrescribedMotion,
-    timestep: float = TIMESTEP,
-    nthread: int = 0,
-) -> tuple[Response, Array, Array]:
-    """Simulate a twin model in prescribed motion, with the changes that others make to it, to first order.
-
-    The others differ in cables, hinges and links alone. Returns the response, and the changes of markers [m],
-    (P, B, R, 9, 3), and of loads, as shares of the stall torque, (P, B, R, 10).
-    """
-    model = design.spec(motors=False).compile()
-    run = _Run([design], [model], motion, timestep, nthread or _threads([design], motion))
-    run.arms.differentiate(differences(design, model, others))
-    changes = []
-    for _ in run.rows():
-        changes.append(run.arms.changes())
-    marker, load = (np.stack(each, axis=2) for each in zip(*changes, strict=True))
-    did = run.response()
-    here = markers(did.joint_angle[0], design.built)
-    for n, other in enumerate(others):
-        if other.built != design.built:
-            marker[n] += markers(did.joint_angle[0], other.built) - here
-    return did, marker, load
 
 
 def hasten(model: mujoco.MjModel) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import mujoco
 import numpy as np
@@ -15,11 +14,9 @@ from serpent_twin.engine.history import History
 from serpent_twin.engine.stepper import addresses, set_timestep, side_by_side
 from serpent_twin.sim.arm_moment import Moment
 from serpent_twin.sim.cable_dynamics import CableDynamics
-from serpent_twin.sim.differences import Differences
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.pushed_statics import Pushed, PushedStatics
 from serpent_twin.sim.response import Response
-from serpent_twin.sim.tangents import Tangents
 from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.sim.variation import Variation
 
@@ -51,7 +48,6 @@ class DrivenArms:
         self._history = History(self._batch)
         self._joint_q, self._joint_v = addresses(models[0], mjcf.JOINTS)
         self._jaw = addresses(models[0], ("jaw",))[0]
-        self._tangents: Tangents | None = None
         self._statics: PushedStatics | None = None
         none = np.zeros(len(designs))
         self._marker_velocity: Array | float = 0.0
@@ -83,8 +79,6 @@ class DrivenArms:
         self._qvel[:, self._joint_v] = joint_velocity
         if anew:
             self._begin(motors)
-        if self._tangents:
-            self._tangents.place()
         self._wind(motors)
         self._batch.forward()
         self._history.fill()
@@ -146,40 +140,20 @@ class DrivenArms:
         began = before.time[:, None]
         lost = self.unstable  # their solver would iterate as long as it may
         stable = np.flatnonzero(~lost) if lost.any() else None
-        noting = partial(self._note, dt) if self._tangents else None
         passed = (
             np.arange(substeps)[:, None, None] * dt
         )  # MuJoCo's springs pull as at a step's start
         for k, (t, angle, velocity) in enumerate(zip(passed, *path.at(passed), strict=True), 1):
             seen = k == substeps or passing is not None
-            self._cables.step(began + t, angle, velocity, dt, stable, noting, seen)
+            self._cables.step(began + t, angle, velocity, dt, stable, seen)
             if passing:
                 passing((began + t)[:, 0], self._markers())
-        if self._tangents:
-            self._tangents.advance()
         self._motors, before_end = to, self._markers()
         self._wind(to)
         self._batch.forward(ids=stable)
         self._marker_velocity = (self._markers() - before_end) / dt[..., None]
         if passing:
             passing(to.time, self._markers())
-
-    def _note(self, dt: Array, winch_angle: Array) -> None:
-        assert self._tangents
-        self._tangents.begin_step(dt, winch_angle, self._cables.presliding)
-
-    def differentiate(self, by: Differences) -> None:
-        """Carry tangents along with the motion from now, of runs that all have the first one's model."""
-        self._tangents = Tangents(self._batch, self._models[0], by)
-
-    def changes(self) -> tuple[Array, Array]:
-        """By how much the P differences change this instant's markers [m], (P, n, 9, 3), and loads, as
-        shares of the stall torque, (P, n, 10).
-        """
-        assert self._tangents
-        winch = self._cables.act(self._instant(self._motors)).winch_angle
-        torque = self._tangents.horn_torques(winch, self._cables.winch_reach)
-        return self._tangents.markers(), torque / self._stall
 
     def pushed(self, link: int, force: Array) -> Pushed:
         """How the first arm answers to a force on a link, 1 … 9, in the base frame [N], (3,), and to further

@@ -50,7 +50,6 @@ NOT_RUN = {
     "python -m serpent_twin.export": "needs a twin of a machine; tests/interchange/test_export.py",
     "python -m serpent_twin.trace --logs logs next_logs": "as above; tests/machines/test_rig_folders.py",
     "python -m serpent_twin.collect --backend real --motion": "tests/recording/test_motion.py",
-    "python -m serpent_twin.collect --twin data/arm_a_trace/twin.json --motion": "as above",
     "python -m serpent_twin.bus.device": "serves until Ctrl-C; started by the test",
 }
 PATH = ("collect", "train", "trace", "collect", "train", "estimate", "replay")

@@ -9,10 +9,10 @@ import pytest
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
 
+from experiments.arm_catalogue import CATALOGUE
 from serpent_twin import effects, stored
 from serpent_twin.effects.strands import ALL
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import impose
 from serpent_twin.sim.twin_model import TwinModel

@@ -9,6 +9,7 @@ from diagnoses import diagnosis, estimate
 
 import bench_arm
 from bench_arm.accidents import ACCIDENTS
+from experiments.arm_catalogue import CATALOGUE
 from experiments.close_the_loop import __main__ as close_the_loop
 from experiments.close_the_loop import picture as close_the_loop_picture
 from experiments.confusion import __main__ as confusion
@@ -22,7 +23,6 @@ from serpent_twin.arm.geometry import ARM, link_frames
 from serpent_twin.effects import by_name
 from serpent_twin.effects.law import Law, parse
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.recording.simulated_arm import SimulatedArm
 from serpent_twin.sessions import read_session, write_session
 from serpent_twin.sim import twin_model

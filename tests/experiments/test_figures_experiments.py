@@ -7,11 +7,11 @@ import pytest
 from figure_checks import wrong
 from made_diagnosis import diagnosis
 
+from experiments.arm_catalogue import candidates
 from experiments.close_the_loop import picture
 from experiments.sim_to_real import figures as routes
 from serpent_twin.arm.geometry import N_JOINTS, markers
 from serpent_twin.identification.page import page
-from serpent_twin.machines.arm.vector import candidates
 
 RNG = np.random.default_rng(0)
 

@@ -18,7 +18,7 @@ from experiments.how_often_right.rates import LAST, rates
 from experiments.result_rows import failed_row
 from serpent_twin import __version__
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.arm import track_record
+from serpent_twin.machines.model.track_record import track_record
 
 LINE = ArmLine(
     version=__version__,
@@ -139,16 +139,14 @@ def test_the_page_and_what_reports_quote_are_of_one_version(tmp_path, monkeypatc
     rows, page = tmp_path / "rows.csv", tmp_path / "docs" / "how-often-right.md"
     old = replace(LINE, version="0.0.1", called="payload", right=False, arm="clean-09-1")
     add(rows, [LINE, old, *(heavy(0.1 * n, number=n) for n in range(1, 9))])
-    monkeypatch.setattr(track_record, "FILE", tmp_path / "track_record.json")
+    monkeypatch.setattr(how_often_right, "RECORD", tmp_path / "track_record.json")
     config = how_often_right.HowOftenRight(tmp_path / "out", rows, page=page, record=True)
     how_often_right.main(config)
     assert "false alarms: 0 of 1" in capsys.readouterr().out
     text = page.read_text()
     assert "| false alarms | at most 1 % | 0 of 1" in text and "how_often_right.png" in text
     assert (page.parent / "figures" / "taken_for.png").stat().st_size > 5_000
-    track_record.track_record.cache_clear()
-    assert track_record.track_record()["payload"] == (8, 8)
-    track_record.track_record.cache_clear()
+    assert track_record(tmp_path)["payload"] == (8, 8)
     with pytest.raises(SerpentError, match=r"no arms of version 9; it has 0.0.1 and"):
         how_often_right.main(replace(config, version="9"))
 

@@ -2,9 +2,9 @@
 
 from made_diagnosis import PAYLOAD, diagnosis
 
+from experiments.arm_catalogue import candidates
 from serpent_twin.identification.summary import summary
 from serpent_twin.identification.unexplained import Unexplained
-from serpent_twin.machines.arm.vector import candidates
 
 
 def test_what_is_missing_stands_with_number_interval_and_error():

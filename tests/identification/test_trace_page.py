@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from made_diagnosis import CALIBRATION, NAN, PAYLOAD, TRIED, comparison, diagnosis
 
+from experiments.arm_catalogue import candidates
 from serpent_twin.identification import figures, tables
 from serpent_twin.identification.diagnosis import Named
 from serpent_twin.identification.estimates import ParameterEstimate, key
@@ -13,7 +14,6 @@ from serpent_twin.identification.moved import Moved
 from serpent_twin.identification.page import lead, page
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.identification.unexplained import Unexplained
-from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.residual import ANGLE, TORQUE, marker_size
 from serpent_twin.runs import report
 from serpent_twin.runs.report import Figure

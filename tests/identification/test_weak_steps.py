@@ -7,11 +7,11 @@ import posed_models
 import pytest
 from linear_case import GUST, LinearCase, case, every
 from scipy.optimize import minimize
+from serpent_twins import serpent
 
 from serpent_twin.identification.fitting.fitted import NORMAL_95
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import fit
-from serpent_twin.machines.arm.machine import ArmMachine
 from serpent_twin.machines.machine import Declared, ParameterVector
 from serpent_twin.machines.model import open_machine
 
@@ -156,4 +156,4 @@ def test_arms_need_none_of_it_and_models_of_many_joints_do_little(tmp_path):
     model.write_text(text)
     many = replace(few.machine, described=open_machine(path).described)
     assert many.weak_rounds == 2
-    assert ArmMachine.weak_rounds == 0
+    assert serpent(range(1), 4).machine.weak_rounds == 0

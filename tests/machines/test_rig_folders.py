@@ -5,11 +5,13 @@ from dataclasses import replace
 import pytest
 from paths import DATA
 
+from serpent_twin import machines
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.run import Trace, planned
-from serpent_twin.machines.arm import MACHINE
 from serpent_twin.machines.rig import read_logs
 from serpent_twin.sessions import read_session, write_session
+
+MACHINE = machines.find("arm")
 
 
 @pytest.fixture

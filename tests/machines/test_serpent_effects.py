@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from serpent_twins import serpent
 
+from experiments.arm_catalogue import CATALOGUE
 from serpent_twin.arm.mjcf import MODEL
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import parse
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.sim.arm_moment import Moment
@@ -37,6 +37,7 @@ LAWS = {
     "camera_delay of base: constant": (0.02,),
     "link_turn of link4: constant": (0.01, 0.02, 0.03),
     "load_shift of motor4_load: above tension of cable4_plus": (0.02,),
+    "load_shift of motor3_load: linear horn_torque of motor3": (0.3,),
     "load_scale of motor4_load: constant": (0.1,),
 }
 """A law for each quantity, with its sizes"""
@@ -96,7 +97,12 @@ def test_a_law_acts_alike(arm, at):
         turned |= dict(
             zip(("size", "size_y", "size_z"), WORLD_FROM_BASE @ LAWS[at][:3], strict=True)
         )
-    form = {"above": {"first": 1.0}, "play": {"first": 0.05}, "periodic": {"first": 3.0}}
+    form = {
+        "above": {"first": 1.0},
+        "play": {"first": 0.05},
+        "periodic": {"first": 3.0},
+        "lag": {"first": 0.3},
+    }
     more = form.get(parse(at).shape, {})
     assert_alike(arm, Discovered(at=at, **turned, **more), Discovered(at=at, **sizes, **more))
 

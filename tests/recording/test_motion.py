@@ -10,8 +10,8 @@ from serpent_twin.arm.control import target_bounds
 from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.limits import Limits
-from serpent_twin.machines.arm.motions import KINDS, made_targets, simulated
 from serpent_twin.recording import motion
+from serpent_twin.recording.arm_motions import KINDS, made_targets, simulated
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.motion import Motion
 from serpent_twin.recording.options import Collect

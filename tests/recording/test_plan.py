@@ -1,6 +1,6 @@
 """Test that a planned motion tells rivals apart better than random targets of the same length."""
 
-from dataclasses import replace
+import json
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +24,13 @@ from serpent_twin.recording.plan_criterion import chosen
 from serpent_twin.recording.traced import Traced
 
 BACKLASH, FRICTION = "gear_backlash", "gear_friction"
+LITTLE = 0.05
+"""Share of a typical backlash, of which any motion is not proof enough"""
 
 
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory):
-    """A fit without any step of a short session of the nominal twin, as a trace would hold it."""
+    """A fit without any step of a short session of the nominal twin, with little backlash, as of a trace."""
     folder = tmp_path_factory.mktemp("plan")
     collect(Collect(folder / "logs", sessions=1, steps=170, workers=1))
     rig = machines.find("arm")
@@ -36,7 +38,9 @@ def trace(tmp_path_factory):
     case = rig.open(logs)
     pieces = case.pieces(logs)
     case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
-    return Traced(folder, case, pieces, opening_fit(case, pieces), {}, "arm", 4.0, {})
+    opening, little = opening_fit(case, pieces), LITTLE * case.candidates[BACKLASH].variants[0]
+    fitted = {BACKLASH: opening.point.having(BACKLASH, little)}
+    return Traced(folder, case, pieces, opening, {}, "arm", 4.0, fitted)
 
 
 @pytest.mark.slow
@@ -79,10 +83,14 @@ def test_a_folder_that_is_no_trace_is_refused(tmp_path):
         require_form(Path("motion.csv"), "arm")
 
 
-def test_a_machine_that_nothing_commands_refuses(trace):
-    other = replace(trace, case=replace(trace.case, machine=object()))
-    with pytest.raises(SerpentError, match="commands"):
-        proposed(other, 1, np.random.default_rng(0))
+def test_a_trace_by_the_arm_s_former_engine_is_refused(tmp_path):
+    """Its twin is read everywhere, but not its fit; it stated no files of a machine."""
+    settings = {"rig": "arm", "held_out": 1, "input_sha256": {}}
+    (tmp_path / "trace.json").write_text(json.dumps(settings))
+    about = {"provenance": {"logs": "../arm_a"}}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(about))
+    with pytest.raises(SerpentError, match=r"earlier version.*Trace its logs again"):
+        traced.read(tmp_path)
 
 
 def test_open_questions_stand_in_the_order_of_need():

@@ -9,10 +9,10 @@ from figure_checks import wrong
 from made_diagnosis import PAYLOAD, comparison, diagnosis
 from matplotlib.colors import to_rgb
 
+from experiments.arm_catalogue import CATALOGUE
 from serpent_twin.estimators import available
 from serpent_twin.identification import figures as of_trace
 from serpent_twin.identification.diagnosis import ACCEPTED, NOT_EXCITED, REJECTED, Tried
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.residual import analyse
 from serpent_twin.residual.figures import figures as of_residual
 from serpent_twin.runs.plot_style import COLD, WARM, round_numbers, styles

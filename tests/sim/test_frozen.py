@@ -12,12 +12,12 @@ import pytest
 from numpy.testing import assert_allclose
 from paths import DATA
 
+from experiments.arm_catalogue import CATALOGUE
 from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.deviations import EXACT
 from serpent_twin.effects.cable_friction import CableFriction
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim import twin_model

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from experiments.arm_catalogue import CATALOGUE
 from serpent_twin import effects
 from serpent_twin.arm import geometry
 from serpent_twin.arm.control import joint_p_control, random_targets
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
 

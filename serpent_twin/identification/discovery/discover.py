@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 from serpent_twin.effects.law import Law
-from serpent_twin.identification.discovery.by_torques import screened_by_torques
 from serpent_twin.identification.discovery.candidates import (
     candidate_of,
     distinct,
@@ -28,8 +27,6 @@ WORTH = 30.0
 """What the best of some 800,000 laws must be worth where little is left: 2 ln 800,000 is chance. Where much
 is left, held-out logs decide, which took no part in the search.
 """
-_BY_TORQUES = 4
-"""Laws by missing torques that are kept, where much is left: then the pose does not respond linearly"""
 _SHARE = 0.015
 """A law must remove at least this share of the residual's squares: on an arm that lacks nothing, the best
 law removes 0.009
@@ -59,15 +56,10 @@ def discover(
     ]
     made = partial(_candidate, case, places)
     new = {each.name: each for each in map(made, held_by_friction(case, some, base, places))}
-    for several, most in ((found, _TRIED), ([] if little else _by_torques(places), _BY_TORQUES)):
-        for each in distinct(several, most):
-            alike = tuple(map(made, resembling_at_first(each, several)))
-            new.setdefault((one := made(each)).name, replace(one, alternatives=alike))
+    for each in distinct(found, _TRIED):
+        alike = tuple(map(made, resembling_at_first(each, found)))
+        new.setdefault((one := made(each)).name, replace(one, alternatives=alike))
     return [each for name, each in new.items() if name not in base.point.effects]
-
-
-def _by_torques(places: Places) -> list[Composed]:
-    return [each for each in screened_by_torques(places) if each.share > _SHARE]
 
 
 def in_each_shape(case: Case[Any], training: Any, base: Fit, law: Law) -> Sequence[Candidate]:

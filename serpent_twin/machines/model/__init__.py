@@ -74,7 +74,7 @@ class ModelRig:
 
     def changed(self, twin: Path) -> "ModelRig":
         """The rig of a machine about which something was changed since a trace wrote this twin.json."""
-        return ModelRig(looking_for_changes(self.described), twin)
+        return replace(self, described=looking_for_changes(self.described), twin=twin)
 
     def open(self, training: Sequence[Log]) -> Case[Segments]:
         """The model as it is, the cameras' frame by the mean of the logs; or the twin of before a change."""

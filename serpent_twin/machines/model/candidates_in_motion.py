@@ -57,13 +57,14 @@ def laws_of_state(machine: Described, training: Sequence[Log], of: Sizes) -> Ite
         {name: float(each[model.jnt_dofadr[n]]) for name, n in joints.items()}
         for each in (of.force, of.rate)
     )
-    seconds = float(np.median([run.time[-1] - run.time[0] for run in training]))
+    lasts = [float(run.time[-1] - run.time[0]) for run in training]
+    seconds, slow_shows = float(np.median(lasts)), max(lasts) >= _LONG
     known = effects.ranges(KNOWN["stribeck"])["velocity"]
     for name in joints:
         fast = rate[name]
         slow = replace(known, low=0.02 * fast, typical=_SLOW * fast, high=fast)
         yield sized_candidate(model, f"stribeck@{name}", extra=_RUBS * force[name], velocity=slow)
-    if seconds >= _LONG:
+    if slow_shows:
         time = _of_session("friction_warming", _WARMS, _WARM, seconds)
         for name in joints:
             yield sized_candidate(
@@ -81,7 +82,7 @@ def laws_of_state(machine: Described, training: Sequence[Log], of: Sizes) -> Ite
     for each in sorted(loads, key=lambda each: kinds.index(each.kind)):
         if each.kind == TENDON and each.tension.any():
             yield candidate(f"cable_friction@{each.name}", **rigid)
-        if each.stiffness and each.stretch.any() and seconds >= _LONG:
+        if each.stiffness and each.stretch.any() and slow_shows:
             yield from _slow(model, each, seconds)
 
 

@@ -12,7 +12,8 @@ from serpent_twin.tables.segments import Segments
 
 CLOCK_BEGAN = "clock_began_s"
 """In a session's metadata, the clock of its log at the log's first row [s]"""
-_PRIOR = "prior_runtime_s"
+PRIOR = "prior_runtime_s"
+"""In a session's metadata, how long the machine ran before it [s]"""
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def in_sequence(sessions: Sequence[Log]) -> list[Log]:
         ends = _one_after_the_other(ends)
     first = min(begins for begins, _ in ends)
     return [
-        replace(each, metadata=each.metadata | {_PRIOR: float(begins - first)})
+        replace(each, metadata=each.metadata | {PRIOR: float(begins - first)})
         for each, (begins, _) in zip(sessions, ends, strict=True)
     ]
 

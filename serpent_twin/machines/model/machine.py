@@ -30,6 +30,7 @@ from serpent_twin.machines.model.session_starts import SessionStarts
 from serpent_twin.machines.model.shortest import goes_on_from_sites, shortest
 from serpent_twin.machines.model.simulated import SimulatedModel
 from serpent_twin.machines.model.starts import placed_anew, started_again
+from serpent_twin.machines.model.track_record import track_record
 from serpent_twin.machines.model.twin_file import write_twin
 from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.residual import Comparison
@@ -77,6 +78,11 @@ class ModelMachine(SimulatedModel):
     def candidates(self) -> Mapping[str, Candidate]:
         """The candidates: effects that the machine may have."""
         return self.known
+
+    @property
+    def track_record(self) -> Mapping[str, tuple[int, int]]:
+        """How often each name was right, and how often it was given, on machines whose faults were known."""
+        return track_record(self.described.path.parent)
 
     @property
     def error_before_change(self) -> float:

@@ -21,9 +21,11 @@ from serpent_twin.machines.model.along import Along
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.drives import commands
+from serpent_twin.machines.model.from_sites import placed_joints
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import ForcedRows, adapted, forced_rows
 from serpent_twin.machines.model.seen import address
+from serpent_twin.machines.model.seen_places import levers_on, of_frame, of_motors, of_sensors
 from serpent_twin.machines.model.springs import drives_on, single_joints
 from serpent_twin.machines.model.things import joint_type, lengths
 from serpent_twin.machines.places import LaggedResponse, Places, Response, by_forces
@@ -85,6 +87,7 @@ class ModelPlaces(Places):
     """The twin's, of its first run"""
     measured: tuple[str, ...]
     """The thing that each channel is of, (C,)"""
+    driven: DrivenMotion
     states: RowStates
     forced: ForcedRows
     pieces: Segments
@@ -101,15 +104,18 @@ class ModelPlaces(Places):
         states, varies = motion.recorded(), commands(machine, pieces).std(axis=(0, 1))
         forced = forced_rows(motion.driven, states, motion.seen, varies, _few_bodies(machine.model))
         forced = replace(forced, motion=adapted(forced.motion, measured, motion, forced.free))
-        return cls(machine, motion.driven.models[0], tuple(measured), states, forced, pieces)
+        model = motion.driven.models[0]
+        return cls(machine, model, tuple(measured), motion, states, forced, pieces)
 
     @cached_property
     def readings(self) -> Mapping[tuple[str, str], Array]:
         """What laws may follow, (S, T), by the reading and its place."""
         found = clocks_and_commands(self.machine, self.pieces)
+        motors = self.machine.winches if self._placed else ()
         for name, dof in self._joints:
-            found["joint_angle", name] = np.nan_to_num(self.states.pose[..., dof])
-            found["joint_velocity", name] = np.nan_to_num(self._mean_rate[..., dof])
+            of = "motor" if name in motors else "joint"
+            found[f"{of}_angle", name] = np.nan_to_num(self.states.pose[..., dof])
+            found[f"{of}_velocity", name] = np.nan_to_num(self._mean_rate[..., dof])
         for k, n in enumerate(self._bodies):
             if n not in self.machine.model.body_parentid[self._bodies]:  # the end of a chain
                 at = self._along.middle[k]
@@ -118,6 +124,11 @@ class ModelPlaces(Places):
         for k, n in enumerate(self._tendons):
             if not drives_on(self.model, "tendon", n):
                 found["tension", self.model.tendon(n).name] = self._along.tension[k]
+        for motor in self.machine.efforts if self._placed else ():
+            levers = levers_on(self.model, motor)
+            by = np.array([levers[self.model.tendon(n).name] for n in self._tendons])
+            if by.any():
+                found["horn_torque", motor] = np.tensordot(by, self._along.tension, axes=1)
         return found
 
     @cached_property
@@ -127,17 +138,37 @@ class ModelPlaces(Places):
         out[:, :-1] = self.states.steps.velocity.mean(axis=2)
         return out
 
-    @property
+    @cached_property
     def responses(self) -> Sequence[Response]:
         """Of every quantity at every place where it shows: not of bodies whose motion is prescribed."""
+        bodies, tendons = [*self._of_bodies()], [*self._of_tendons()]
         every = [
             *self._of_joints(),
-            *self._of_bodies(),
-            *self._of_tendons(),
+            *bodies,
+            *tendons,
             *self._of_commands(),
             *self._of_readings(),
+            *self._of_placed(bodies, tendons),
         ]
         return [each for each in every if each.channels]
+
+    @cached_property
+    def _placed(self) -> bool:
+        """Whether measured sites place joints."""
+        return bool(placed_joints(self.machine))
+
+    def _of_placed(
+        self, bodies: Sequence[LaggedResponse], tendons: Sequence[LaggedResponse]
+    ) -> Iterator[Response]:
+        """Of sensors, and of motors whose motion is known, where sites place the joints."""
+        if not self._placed:
+            return
+        forces = {each.place: each for each in bodies if each.handle == "force"}
+        yield from of_sensors(self.machine, self.driven, self.states, [*forces])
+        yield from of_motors(
+            self.machine, self.model, self.states, {each.place: each for each in tendons}
+        )
+        yield from of_frame(self.model, forces)
 
     @property
     def starts(self) -> Array | None:
@@ -167,10 +198,10 @@ class ModelPlaces(Places):
             push = self.forced.by_friction[dof]
             yield self._lagged("joint_friction", name, push[None], (rubs * own)[None])
 
-    def _lagged(self, handle: str, name: str, push: Array, own: Array) -> Response:
+    def _lagged(self, handle: str, name: str, push: Array, own: Array) -> LaggedResponse:
         return LaggedResponse(handle, name, self.forced.motion, push, own)
 
-    def _of_bodies(self) -> Iterator[Response]:
+    def _of_bodies(self) -> Iterator[LaggedResponse]:
         none = np.zeros((3, *self.pieces.measured.shape))
         for k, n in enumerate(self._bodies):
             push = np.einsum("stxv,vstd->xstd", self._along.by_joints[k], self.forced.by_force)
@@ -184,7 +215,7 @@ class ModelPlaces(Places):
     def _bodies(self) -> list[int]:
         return _few_bodies(self.machine.model)
 
-    def _of_tendons(self) -> Iterator[Response]:
+    def _of_tendons(self) -> Iterator[LaggedResponse]:
         """Of those with a spring, where it pulls."""
         sprung = np.flatnonzero(self.model.tendon_stiffness).tolist()
         for n in self._tendons:
@@ -213,7 +244,10 @@ class ModelPlaces(Places):
                 yield self._lagged(ACTUATOR_COMMAND, each.actuator, push[None], own[None])
 
     def _of_readings(self) -> Iterator[Response]:
+        known = self.machine.efforts if self._placed else ()
         for name, change in channels_alone(self.measured, self.pieces.time.shape):
+            if name in known:  # a shift of its load
+                continue
             yield self._lagged(READING_SHIFT, name, 0.0 * self.forced.by_force[:1], change)
 
 

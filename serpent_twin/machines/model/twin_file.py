@@ -107,6 +107,21 @@ def read_described(path: Path) -> MachineTwin:
     return stored.take(values, MachineTwin, str(path), advice)
 
 
+def contents(machine: "ModelMachine", point: ParameterVector, noise: Array) -> dict[str, Any]:
+    """What twin.json holds of a twin that leaves some noise of each channel, (C,)."""
+    there, values = machine.effects_at(point), machine.values(point.declared)
+    units = {each.declared.name: each.declared.unit for each in machine.coordinates}
+    return {
+        "kind": machine.name,
+        "schema_version": VERSION,
+        "first": dict(machine.frame),
+        "declared": {n: {"value": float(values[n]), "unit": unit} for n, unit in units.items()},
+        "effects": [effects.to_dict(effect) for effect in there],
+        "noise": dict(zip((each.name for each in machine.outputs), map(float, noise), strict=True)),
+        "lag": machine.lag,
+    }
+
+
 def write_twin(
     machine: "ModelMachine",
     point: ParameterVector,
@@ -120,17 +135,7 @@ def write_twin(
     there, values = machine.effects_at(point), machine.values(point.declared)
     spec = machine.spec(point.declared, effects_at(point))
     spec.compile()
-    units = {each.declared.name: each.declared.unit for each in machine.coordinates}
-    told = {
-        "kind": machine.name,
-        "schema_version": VERSION,
-        "first": dict(machine.frame),
-        "declared": {n: {"value": float(values[n]), "unit": unit} for n, unit in units.items()},
-        "effects": [effects.to_dict(effect) for effect in there],
-        "noise": dict(zip((each.name for each in machine.outputs), map(float, noise), strict=True)),
-        "lag": machine.lag,
-    }
-    write_json(path, told | dict(about))
+    write_json(path, contents(machine, point, noise) | dict(about))
     left = [effects.name_of(e) for e in there if not e.absent and not e.export(spec)]
     more = write_calibration(spec, machine.described, values)
     notes = [f"only twin.json has {', '.join(each)}" for each in (left, more) if each]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from bench_arm import NONE, ArmBatch, draw
+from experiments.stiffness_sweep.kinematic_calibration import PRIORS, _calibrated, calibrate
 from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
-from serpent_twin.arm.kinematic_calibration import PRIORS, _calibrated, calibrate
 
 NOISE = 0.4e-3
 

@@ -16,11 +16,13 @@ from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.limits import Guard, Limits
 from serpent_twin.hardware.motor_bus import BusError
-from serpent_twin.machines.arm.machine import ArmMachine
-from serpent_twin.machines.arm.pieces import cut
+from serpent_twin.machines.arm_logs import SessionRig
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.model.machine import ModelMachine
+from serpent_twin.machines.model.twin_file import contents
 from serpent_twin.machines.proposals import CommandColumn, Proposals, kept_ones
 from serpent_twin.sessions.session import SCHEMA_VERSION, Session, session_from_rows
+from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.tables.segments import Segments
@@ -88,7 +90,7 @@ KINDS: Mapping[str, Callable[[Array, Array, Array, np.random.Generator], Array]]
 
 
 def propose(
-    machine: ArmMachine,
+    machine: ModelMachine,
     point: ParameterVector,
     count: int,
     seconds: float,
@@ -96,7 +98,8 @@ def propose(
     rng: np.random.Generator,
 ) -> Proposals[Segments]:
     """Joint targets [rad], (count, T, 9), of all kinds in turn, and what the twin makes of them."""
-    design = machine.vector.design(point)
+    noise = np.array([each.noise for each in machine.outputs])
+    design = twin_model.from_dict(contents(machine, point, noise))
 
     def make(kind: str, turn: int) -> Array:
         return made_targets(kind, seconds, rate_hz, rng)
@@ -105,7 +108,7 @@ def propose(
         return [kept_limits(design, each, rate_hz, n) for n, each in enumerate(targets, tried + 1)]
 
     kinds, targets, done = kept_ones(list(KINDS), count, make, keep, "the arm's")
-    pieces = cut(done, machine.vector.start.built, seconds)
+    pieces = machine.pieces(SessionRig(machine.described).logs(done))
     return Proposals(kinds, _columns(), targets, pieces, _LIMITS)
 
 
