@@ -160,11 +160,12 @@ class Case(Generic[P]):
         return found
 
     def knowing_parts(self, sessions: Sequence[Any]) -> "Case[P]":
-        """The case with the information that sites in sessions hold on rigid parts, for a machine that has
-        short segments.
+        """The case with what sites in sessions tell: information on rigid parts, and their own noise; for a
+        machine that has short segments.
         """
         machine: Any = self.machine
-        return replace(self, told=machine.told_by_sites(sessions))
+        machine, told = machine.told_by_sites(sessions)
+        return replace(self, machine=machine, told=told)
 
     def starting(self, declared: Array) -> "Case[P]":
         """The case whose zeros are some values of the declared parameters, (P,)."""

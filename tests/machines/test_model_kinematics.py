@@ -127,6 +127,26 @@ def test_what_sites_tell_of_parts_is_as_sharp_as_the_parts_found_are_right(sessi
     assert len(others) and not told[others].any() and not told[:, others].any()
 
 
+def test_noise_of_sites_is_what_no_pose_explains(sessions):
+    """Along each axis by itself, however quick the motion, which from row to row looks like noise."""
+    rig, logs = sessions
+    rng, spread = np.random.default_rng(5), {"x": 4e-4, "y": 2e-4, "z": 8e-4}
+    columns = [(f"{site}_{axis}", axis) for site in ("middle", "wrist", "tip") for axis in "xyz"]
+    quick = []
+    for log in logs:
+        rows = log[::8]
+        noise = {name: spread[axis] * rng.standard_normal(len(rows)) for name, axis in columns}
+        quick.append(rows.having(**{name: rows.columns[name] + noise[name] for name in noise}))
+    case = rig.open(quick)
+    known = case.starting(case.by_sites(quick)).knowing_parts(quick)
+    before, after = (
+        np.reshape([each.noise for each in of.machine.outputs], (3, 3)) for of in (case, known)
+    )
+    true = np.tile(np.hypot([*spread.values()], 2e-4), (3, 1))
+    assert (before[:, 0] > 1.5 * true[:, 0]).all()
+    assert after == pytest.approx(true, rel=0.15)
+
+
 def test_segments_begin_where_the_guessed_machine_has_its_sites(sessions):
     """In the angles that the machine had; by the model's own lengths, a centimetre off, in others."""
     rig, logs = sessions

@@ -27,6 +27,8 @@ _TURN = 1e-6
 """Change of a joint in a difference [rad, m]"""
 _HELD = 1e-9
 """Added where a pose is singular [m²]"""
+_FEWEST = 30
+"""Degrees of freedom that joints must leave to tell noise"""
 _SETTLED = 1e-3
 """Step, in widths of a prior, that ends a search"""
 
@@ -59,18 +61,22 @@ class Parts:
                 break
         return x
 
-    def told(self, sessions: Sequence[Log]) -> Array:
-        """Information that sites hold on the declared coordinates where these are zero, (P, P)."""
+    def told(self, sessions: Sequence[Log]) -> tuple[Array, Array]:
+        """Information that sites hold on the declared coordinates where these are zero, (P, P); and standard
+        deviation of a site's place by what no pose explains, (3,) along the axes of the cameras [m], infinite
+        where that is not known.
+        """
         measured, pose, which = self._begun(sessions)
         x, out = np.zeros(len(self.declared)), np.zeros((len(self.declared),) * 2)
+        noise = np.full(3, np.inf)
         for _ in range(_TURNS if which.size else 0):
             place, by = self._differences(x, pose, which[:0])
             pose[:, self._at] += _BeyondJoints.of(measured - place, by, 0).turned(np.zeros(0))
         if which.size:
             place, by = self._differences(x, pose, which)
             beyond = _BeyondJoints.of(measured - place, by, len(which))
-            out[np.ix_(which, which)] = beyond.information
-        return out
+            out[np.ix_(which, which)], noise = beyond.information, beyond.noise
+        return out, noise
 
     @cached_property
     def _joints(self) -> Sequence[str]:
@@ -139,6 +145,8 @@ class _BeyondJoints:
     """Towards where the sites have them, (P,)"""
     taken: Array
     """What the joints of each row take up of the parts, and of what is off, (N, J, P + 1)"""
+    noise: Array
+    """Standard deviation of a site's place by what is left, (3,); infinite if joints take up all"""
 
     @classmethod
     def of(cls, off: Array, by: Array, parts: int) -> "_BeyondJoints":
@@ -154,7 +162,11 @@ class _BeyondJoints:
         free, left = own - joints @ taken[..., :-1], off - (joints @ taken[..., -1:])[..., 0]
         noise = max(NOISE, float(np.sqrt(np.mean(left[seen] ** 2))))
         information = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2
-        return cls(information, np.einsum("nki,nk->i", free, left) / noise**2, taken)
+        pull = np.einsum("nki,nk->i", free, left) / noise**2
+        held = np.einsum("nkj,njk->nk", joints, np.linalg.solve(square, joints.swapaxes(1, 2)))
+        squares, degrees = ((seen * each).reshape(-1, 3).sum(axis=0) for each in (left**2, 1 - held))
+        known = degrees > _FEWEST
+        return cls(information, pull, taken, np.sqrt(np.where(known, squares / degrees, np.inf)))
 
     def turned(self, step: Array) -> Array:
         """By how much the joints of each row turn with a step of the parts, (P,); (N, J)."""

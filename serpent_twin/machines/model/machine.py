@@ -14,6 +14,7 @@ from serpent_twin.engine.quiet import quietly
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import (
     Declared,
+    Output,
     ParameterVector,
     by_coordinate,
 )
@@ -23,7 +24,7 @@ from serpent_twin.machines.model.description import MOTION, POSES
 from serpent_twin.machines.model.in_motion import MovingTwin
 from serpent_twin.machines.model.kinematics import Parts
 from serpent_twin.machines.model.motion import StartGains
-from serpent_twin.machines.model.noise import quieter
+from serpent_twin.machines.model.noise import no_noisier, quieter
 from serpent_twin.machines.model.places import ModelPlaces, only_single, units_of_law
 from serpent_twin.machines.model.pose_places import places_at_rest
 from serpent_twin.machines.model.session_starts import SessionStarts
@@ -105,9 +106,14 @@ class ModelMachine(SimulatedModel):
         """Coordinates, (P,), with which rigid parts are where measured sites have them; 0 of all else."""
         return self._parts.guessed(sessions)
 
-    def told_by_sites(self, sessions: Sequence[Log]) -> Array:
-        """Information that measured sites hold on rigid parts near a first guess of them, (P, P)."""
-        return self._parts.told(sessions)
+    def told_by_sites(self, sessions: Sequence[Log]) -> tuple["ModelMachine", Array]:
+        """The machine with no more noise of sites than what no pose of it explains, and the information that
+        sites hold on rigid parts near a first guess of them, (P, P).
+        """
+        information, noise = self._parts.told(sessions)
+        return self._with_noise(
+            no_noisier(self.described.about.measured, self.outputs, noise)
+        ), information
 
     @property
     def _parts(self) -> Parts:
@@ -135,7 +141,11 @@ class ModelMachine(SimulatedModel):
         """The machine with the noise that is left where a twin is `off`, (S, T, C), if that is less."""
         if self.described.about.rows == POSES:
             return self
-        outputs = quieter(self.described.about.measured, self.outputs, pieces.measured, off)
+        return self._with_noise(
+            quieter(self.described.about.measured, self.outputs, pieces.measured, off)
+        )
+
+    def _with_noise(self, outputs: tuple[Output, ...]) -> "ModelMachine":
         if all(a.noise == b.noise for a, b in zip(outputs, self.outputs, strict=True)):
             return self
         return replace(self, outputs=outputs, begun=SessionStarts())

@@ -70,6 +70,23 @@ def quieter(
     return tuple(replace(each, noise=float(n)) for each, n in zip(outputs, least, strict=True))
 
 
+def no_noisier(
+    measured: Sequence[MeasuredColumns], outputs: Sequence[Output], most: Array
+) -> tuple[Output, ...]:
+    """The channels with no more noise of sites than so much, (3,) along the axes of the cameras, but as it is
+    stated.
+    """
+    least = {
+        name: min(float(most[axis]), output.noise)
+        for each in measured
+        if each.site and not each.noise
+        for axis, name in enumerate(each.columns)
+        for output in outputs
+        if output.name == name
+    }
+    return tuple(replace(each, noise=least.get(each.name, each.noise)) for each in outputs)
+
+
 def _jitter(several: Sequence[Array]) -> float:
     """Standard deviation of the noise in rows (T,) or (S, T), by fourth differences of what is known; 0 of
     few.
