@@ -128,7 +128,7 @@ def test_what_sites_tell_of_parts_is_as_sharp_as_the_parts_found_are_right(sessi
 
 
 def test_noise_of_sites_is_what_no_pose_explains(sessions):
-    """Along each axis by itself, however quick the motion, which from row to row looks like noise."""
+    """Along each axis in which it moves, however quickly, which from row to row looks like noise."""
     rig, logs = sessions
     rng, spread = np.random.default_rng(5), {"x": 4e-4, "y": 2e-4, "z": 8e-4}
     columns = [(f"{site}_{axis}", axis) for site in ("middle", "wrist", "tip") for axis in "xyz"]
@@ -140,9 +140,10 @@ def test_noise_of_sites_is_what_no_pose_explains(sessions):
     case = rig.open(quick)
     known = case.starting(case.by_sites(quick)).knowing_parts(quick)
     before, after = (
-        np.reshape([each.noise for each in of.machine.outputs], (3, 3)) for of in (case, known)
+        np.reshape([each.noise for each in of.machine.outputs], (3, 3))[:, [0, 2]]
+        for of in (case, known)
     )
-    true = np.tile(np.hypot([*spread.values()], 2e-4), (3, 1))
+    true = np.tile(np.hypot([spread["x"], spread["z"]], 2e-4), (3, 1))
     assert (before[:, 0] > 1.5 * true[:, 0]).all()
     assert after == pytest.approx(true, rel=0.15)
 
