@@ -47,4 +47,4 @@ def find(name: str) -> Rig:
         raise SerpentError(f"{name} is no rig any more: give --machine {where} in place of --rig.")
     if name not in RIGS and not name.endswith(".toml"):
         raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(RIGS)}.")
-    return importlib.import_module(f"{__name__}.arm_logs").open_arm(PACKAGED)
+    return importlib.import_module(f"{__name__}.arm").open_arm(PACKAGED)

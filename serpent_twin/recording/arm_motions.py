@@ -16,7 +16,7 @@ from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.limits import Guard, Limits
 from serpent_twin.hardware.motor_bus import BusError
-from serpent_twin.machines.arm_logs import SessionRig
+from serpent_twin.machines.arm import SessionRig
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.twin_file import contents
