@@ -10,6 +10,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
     CandidateTrial,
@@ -108,11 +110,12 @@ class Tracer(TracerFits):
         return calibrated, base, rounds
 
     def _much(self, found: Fit, left: Errors) -> bool:
-        """Whether a fit left much, or moved a number further than parts differ, so that something may be
-        absorbed.
+        """Whether a fit left much, or moved a number further than parts differ, and than the furthest of as
+        many does by chance, so that something may be absorbed.
         """
         squares = prior_squares(self.case, found.point)
-        strained = float(squares.max(initial=0.0)) > FAR**2
+        furthest = float(squares.max(initial=0.0))
+        strained = furthest > FAR**2 + 2 * np.log(max(1, len(squares)))
         return strained or not self.trials.little(self.case, found, left)
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
