@@ -7,7 +7,7 @@ repeat with it included. (5) An error above that of a twin that lacks nothing is
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -95,6 +95,7 @@ class Tracer(TracerFits):
         while len(rounds) < _MOST_EFFECTS and not self.late:
             done = self._round(base, rounds, opening)
             sought = not rounds and self._much(base, done.errors)
+            sought = sought and not self._explained(done.trials)
             if sought and (wide := far_off(self.trials, self.case, opening, base, done)):
                 self.case = replace(self.case, widened=wide.case.widened, noise=wide.case.noise)
                 stage = f"widened_{mark(list(self.case.widened))}"
@@ -196,7 +197,7 @@ class Tracer(TracerFits):
             return replace(done, trials=trials, accepted=(), undone=_UNDONE)
         return replace(done, trials=trials)
 
-    def _explained(self, trials: dict[str, CandidateTrial]) -> bool:
+    def _explained(self, trials: Mapping[str, CandidateTrial]) -> bool:
         """Whether a candidate leaves little of what a calibration left, with no number moved far."""
         best = trials.get(best_trial(trials, self.case.candidates))
         return bool(best and best.fit and best.errors) and not self._much(best.fit, best.errors)
