@@ -164,7 +164,9 @@ class _BeyondJoints:
         information = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2
         pull = np.einsum("nki,nk->i", free, left) / noise**2
         held = np.einsum("nkj,njk->nk", joints, np.linalg.solve(square, joints.swapaxes(1, 2)))
-        squares, degrees = ((seen * each).reshape(-1, 3).sum(axis=0) for each in (left**2, 1 - held))
+        squares, degrees = (
+            (seen * each).reshape(-1, 3).sum(axis=0) for each in (left**2, 1 - held)
+        )
         known = degrees > _FEWEST
         return cls(information, pull, taken, np.sqrt(np.where(known, squares / degrees, np.inf)))
 

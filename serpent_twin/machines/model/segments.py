@@ -8,12 +8,14 @@ import numpy as np
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import MOTION
-from serpent_twin.machines.model.starts import LEAD, starts_anywhere
+from serpent_twin.machines.model.starts import LEAD, measured_joints, rate_of, starts_anywhere
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments, Stretch
 
 _FEWEST = 2
 """Rows of a segment"""
+_SETTLES = 4
+"""Times the rows before a segment, from which a session is long enough to have them"""
 _LEAD = 4
 """Poses before a segment that are sought, so that what remembers its past has one"""
 _POSES, ROWS = 20, 100
@@ -31,12 +33,25 @@ def segments(machine: Described, run: Log) -> list[Stretch]:
     about, moves = machine.about, machine.about.rows == MOTION
     whole = moves and not starts_anywhere(machine)
     lead = 0 if whole else lead_of(machine, run)
-    first = lead if moves else 0
+    settles = moves and not whole and not lead and len(run) > _SETTLES * LEAD
+    first = (LEAD if settles else lead) if moves else 0
     size = about.segment or (ROWS if moves else _POSES)
     parts = 1 if whole else ceil(len(run) / size)
     ends = np.linspace(first, len(run), parts + 1).round().astype(int).tolist()
-    found = [Stretch(run, max(0, at - lead), end, (at, end)) for at, end in pairwise(ends)]
+    begins = [_quietest(machine, run, at) if settles else max(0, at - lead) for at in ends]
+    several = zip(begins[:-1], pairwise(ends), strict=True)
+    found = [Stretch(run, begin, end, (at, end)) for begin, (at, end) in several]
     return [each for each in found if each.end - each.first >= _FEWEST]
+
+
+def _quietest(machine: Described, run: Log, at: int) -> int:
+    """The row before another in which joints move least, and from which a model forgets by then where it
+    began: rows tell a quick motion's rate badly, and a machine swings on from a wrong one.
+    """
+    rows = slice(max(0, at - LEAD), max(1, at - LEAD // 2))
+    rates = [run.columns[rate_of(joint)] for joint in measured_joints(machine)]
+    moves = sum((each / (np.std(each) or 1.0)) ** 2 for each in rates)
+    return rows.start + int(np.argmin(np.broadcast_to(moves, len(run))[rows]))
 
 
 def searched(pieces: Segments) -> int:
