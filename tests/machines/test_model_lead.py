@@ -72,6 +72,23 @@ def test_what_follows_the_lead_is_the_motion_whatever_was_before(tmp_path):
     assert begun == 0 and abs(pieces.log[0].columns["seen"][0] - begun) > 0.5
 
 
+def test_segments_whose_start_is_stated_begin_where_the_machine_is_quiet(tmp_path):
+    """Each of the rows after the first few counts once, whatever row a segment begins in."""
+    text = TOML.replace(f"lead = {LEAD}", "start = 0.06").replace("sensor =", "joint =")
+    path = Example(MJCF, text.replace('"angle"', '"hinge"')).write(tmp_path)
+    _, pieces, _ = opened(path, log(tmp_path / "log.csv"))
+    counted = np.isfinite(pieces.measured[..., 0])
+    first = pieces.first + counted.argmax(axis=1)
+    rows = np.concatenate(
+        [at + np.arange(n) for at, n in zip(first, counted.sum(axis=1), strict=True)]
+    )
+    np.testing.assert_array_equal(rows, np.arange(15, round(SECONDS * RATE)))
+    rate = np.abs(np.gradient(pieces.log[0].columns["seen"]))
+    assert len(pieces) == 6 and len(set(first - pieces.first)) > 1
+    for begin, at in zip(pieces.first, first, strict=True):
+        assert at - 15 <= begin < at - 7 and rate[begin] == rate[at - 15 : at - 7].min()
+
+
 def test_segments_begin_on_either_side_of_rows_that_are_missing(tmp_path):
     path = log(tmp_path / "log.csv", lost=np.arange(280, 330))
     _, pieces, _ = opened(Example(MJCF, TOML).write(tmp_path), path)

@@ -251,8 +251,8 @@ class Description(Form, frozen=True):
     segment: Annotated[int, within(0, 100_000)] = 0
     """Rows that are fitted and judged as one segment; 0: 20 poses, or 100 rows of a motion"""
     start: Annotated[float, within(0.0, 1e3)] = 0.0
-    """Time [s] about the first row of a segment, through which a parabola gives the state in which the
-    segment begins; 0: the model follows the 15 rows before the segment
+    """Time [s] about a row through which a parabola gives the state there; a segment begins in the quietest
+    of some before it. 0: the model follows the 15 rows before the segment
     """
     lead: Annotated[float, within(0.0, 1e3)] = 0.0
     """Time [s] before each segment through which the model moves there from rest in its keyframe, for a
