@@ -216,7 +216,7 @@ def matters(candidate: Candidate, values: Array) -> bool:
     return any(abs(values[k]) >= MATTERS * abs(ranges[k].typical) for k in strengths(candidate))
 
 
-def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:
+def best_trial(trials: Mapping[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:
     """The candidate that leaves least of training and held-out logs, if its gain is large enough, significant
     and within its range; of those that logs do not tell from it, the one with the fewest parameters.
     """

@@ -16,6 +16,7 @@ from serpent_twin.identification.acceptance import (
     why_not,
 )
 from serpent_twin.identification.bars import Bars, bars
+from serpent_twin.identification.cautions import cautions, unstable_fits
 from serpent_twin.identification.components import Undetermined
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
@@ -30,13 +31,11 @@ from serpent_twin.identification.diagnosis import (
 from serpent_twin.identification.discovery import FreeCurve, free_curve, steps_alike, stuck
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.fitting.fitted import NORMAL_95, Fit
-from serpent_twin.identification.fitting.free_parameters import unstable
 from serpent_twin.identification.fitting.profile import interval, near_zero
 from serpent_twin.identification.fitting.standard_errors import stated
-from serpent_twin.identification.fitting.uncertainty import indistinguishable
 from serpent_twin.identification.held_out import Errors, errors, gain
 from serpent_twin.identification.moved import Moved, moved
-from serpent_twin.identification.score_test import at_bound, strengths
+from serpent_twin.identification.score_test import strengths
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.unexplained import SUSPECT, unexplained
 from serpent_twin.identification.wording import spaced
@@ -88,7 +87,7 @@ def build_diagnosis(
         unexplained=rest,
         error=error | {"noise_floor": noise.mean_floor, "expected": bar.bar},
         load_error=load | {"noise_floor": noise.load_floor},
-        cautions=(*_cautions(case, selection), *_unstable(case, selection, tracer.training)),
+        cautions=(*cautions(case, selection), *unstable_fits(case, selection, tracer.training)),
         calibration=_calibration(case, told),
         comparisons=compared,
         findings=found,
@@ -258,46 +257,6 @@ def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[
     assert trial.gain is not None
     better = " and ".join(map(spaced, each.accepted)) or each.undone
     return REJECTED, f"{trial.gain}, less than {better}"
-
-
-def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
-    told = list(selection.cautions)
-    if not selection.final.converged:
-        told.append("The last fit has not converged; its intervals are too narrow.")
-    told += indistinguishable(case, selection.final)
-    told += [f"{name}: {why}." for name, why in case.unseen.items()]
-    told += case.notes
-    for (name, k), within in selection.undetermined.items():
-        parameter, allowed = list(case.candidates[name].ranges.items())[k]
-        told.append(
-            f"The logs do not determine {name}'s {parameter}, which is not worth it beside the others: it "
-            f"may be as much as {within:.2g} {allowed.unit}."
-        )
-    for name, values in selection.final.point.effects.items():
-        for parameter in at_bound(case.candidates[name], values):
-            limit = case.candidates[name].ranges[parameter].limit
-            told.append(
-                f"{name}'s {parameter} lies at the end of its range: {limit or 'doubt it'}."
-            )
-    return tuple(told)
-
-
-def _unstable(case: Case, selection: Selection, training: Any) -> list[str]:
-    """What could not be computed because the simulation was unstable, in sentences."""
-    final = selection.final
-    some = case.take(training, final.used)
-    held = unstable(case, final.point, final.free, some, final.jacobian)
-    told = [
-        f"The twin's simulation became unstable at every step of {', '.join(held)} that was tried: the fit "
-        "held its value, which these logs therefore do not determine."
-    ] * bool(held)
-    last = selection.rounds[-1].trials if selection.rounds else {}
-    told += [
-        f"{name} was not tested: the simulation of a twin with it became unstable, also at smaller strengths."
-        for name, trial in last.items()
-        if trial.gain is None and trial.score.unstable
-    ]
-    return told
 
 
 def _calibration(case: Case, fit: Fit) -> dict[str, Calibrated]:

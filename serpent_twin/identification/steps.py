@@ -200,7 +200,9 @@ class Tracer(TracerFits):
     def _explained(self, trials: Mapping[str, CandidateTrial]) -> bool:
         """Whether a candidate leaves little of what a calibration left, with no number moved far."""
         best = trials.get(best_trial(trials, self.case.candidates))
-        return bool(best and best.fit and best.errors) and not self._much(best.fit, best.errors)
+        if best is None or best.fit is None or best.errors is None:
+            return False
+        return not self._much(best.fit, best.errors)
 
     def _round(self, base: Fit, rounds: Sequence[Round], opening: Opening) -> Round:
         """Try all candidates, and pairs, if none is accepted alone. Where the best leaves much, or

@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.acceptance import CandidateTrial, Round, Selection
-from serpent_twin.identification.build_diagnosis import _unstable, _verdict
+from serpent_twin.identification.build_diagnosis import _verdict
+from serpent_twin.identification.cautions import unstable_fits
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.diagnosis import UNSTABLE, Tried
 from serpent_twin.identification.fitting.free_parameters import free_parameters, jacobian, unstable
@@ -68,7 +69,7 @@ def test_a_column_that_no_step_gives_is_named_and_held():
     found = fit(arm, every(), START, free, 3, 99)
     assert found.point.declared[0] == 0.0 and found.point.declared[1] == pytest.approx(-2, abs=0.1)
     assert unstable(arm, found.point, free, every(), found.jacobian) == ["one"]
-    (told,) = _unstable(arm, Selection(arm, found, found, found, ()), every())
+    (told,) = unstable_fits(arm, Selection(arm, found, found, found, ()), every())
     assert told.startswith(
         "The twin's simulation became unstable at every step of one that was tried"
     )
@@ -154,7 +155,7 @@ def test_an_effect_that_no_strength_of_is_stable_is_said_to_be_untested(tmp_path
     selection = Selection(arm, base, base, base, (one,))
     verdict, why = _verdict(GUST, one, selection, arm)
     assert verdict == UNSTABLE and "unstable" in why
-    (told,) = _unstable(arm, selection, every())
+    (told,) = unstable_fits(arm, selection, every())
     assert told.startswith("gust was not tested: the simulation of a twin with it became unstable")
 
 

@@ -32,7 +32,7 @@ from serpent_twin.machines.model.sizes import (
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.state_effects import state_driven
-from serpent_twin.machines.model.things import OBJECTS, acts_on, names, winding
+from serpent_twin.machines.model.things import OBJECTS, acts_on, chain_ends, names, winding
 from serpent_twin.tables.log import Log
 
 _STILL = 1e-6
@@ -259,7 +259,7 @@ def _bodies(machine: Described, of: Sizes) -> Iterator[Candidate]:
             lever[name], carrier[name] = np.linalg.norm(along, axis=0), body
 
     measured = [model.site(each.site).id for each in machine.about.measured if each.site]
-    for site in dict.fromkeys([*measured, *_ends(model, data)]):
+    for site in dict.fromkeys([*measured, *chain_ends(model, data)]):
         place(model.site(site).name, int(model.site_bodyid[site]), data.site_xpos[site])
     for n in range(1, model.nbody):
         place(model.body(n).name, n, data.xpos[n])
@@ -277,22 +277,6 @@ def _bodies(machine: Described, of: Sizes) -> Iterator[Candidate]:
             yield sized_candidate(
                 model, f"link_flex@{model.body(n).name}", compliance=bends, twist=bends
             )
-
-
-def _ends(model: mujoco.MjModel, data: mujoco.MjData) -> list[int]:
-    """Of each chain of bodies the site on the last one that is farthest from its joint, as of a tool; sites
-    through which tendons run are none.
-    """
-    rigid = model.body_weldid
-    carries = {int(rigid[model.body_parentid[n]]) for n in range(model.nbody) if rigid[n] == n}
-    through = model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_SITE]
-    farthest: dict[int, tuple[float, int]] = {}
-    for n in range(model.nsite):
-        part = int(rigid[model.site_bodyid[n]])
-        if model.site(n).name and part not in carries and n not in through:
-            away = float(np.linalg.norm(data.site_xpos[n] - data.xpos[part]))
-            farthest[part] = max(farthest.get(part, (0.0, n)), (away, n))
-    return [n for _, n in farthest.values()]
 
 
 def _pulled(

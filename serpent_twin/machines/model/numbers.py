@@ -26,6 +26,7 @@ from serpent_twin.machines.model.actuator_numbers import (
     volts_per_error,
 )
 from serpent_twin.machines.model.masses import weigh
+from serpent_twin.machines.model.moment_arms import moment_arm, scale_moment_arm
 
 _SEVERAL = {
     "body": "bodies",
@@ -164,21 +165,6 @@ def _loosen(tendon: Any, by: float) -> None:
     tendon.springlength[1] += 1e-3 * by
 
 
-def _winds(model: mujoco.MjModel, joint: int) -> np.ndarray:
-    """Which parts of fixed tendons' paths are about a joint, (nwrap,)."""
-    return (model.wrap_type == mujoco.mjtWrap.mjWRAP_JOINT) & (model.wrap_objid == joint)
-
-
-def _arm(model: mujoco.MjModel) -> np.ndarray:
-    """How much a fixed tendon winds up per angle of a joint, its coefficient, the mean of several [m/rad]."""
-    several = [np.abs(model.wrap_prm[_winds(model, n)]) for n in range(model.njnt)]
-    return np.array([each.mean() if each.size else 0.0 for each in several])
-
-
-def _scale_arm(model: mujoco.MjModel, joint: int, factor: float) -> None:
-    model.wrap_prm[_winds(model, joint)] *= factor
-
-
 def _along(axis: int) -> NumberKind:
     def scale(body: Any, factor: float) -> None:
         body.pos[axis] *= factor
@@ -246,7 +232,9 @@ NUMBERS: Mapping[str, NumberKind] = {
         stated=True,
         fitted=False,
     ),
-    "moment arm": NumberKind("m", "joint", _arm, _scale_arm, 0.01, fitted=False, compiled=True),
+    "moment arm": NumberKind(
+        "m", "joint", moment_arm, scale_moment_arm, 0.01, fitted=False, compiled=True
+    ),
     "motor constant": NumberKind("V s/rad", "actuator", of_motor(CONSTANT), scale_constant),
     "motor resistance": NumberKind("Ω", "actuator", of_motor(RESISTANCE), scale_resistance),
     "controller gain": NumberKind(

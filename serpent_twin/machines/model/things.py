@@ -95,3 +95,19 @@ def joints_moving(model: mujoco.MjModel, body: int) -> set[int]:
         found |= set(np.flatnonzero(model.jnt_bodyid == body).tolist())
         body = int(model.body_parentid[body])
     return found
+
+
+def chain_ends(model: mujoco.MjModel, data: mujoco.MjData) -> list[int]:
+    """Sites on the last body of each chain, each the one that is farthest from its joint, as of a tool; sites
+    through which tendons run are none.
+    """
+    rigid = model.body_weldid
+    carries = {int(rigid[model.body_parentid[n]]) for n in range(model.nbody) if rigid[n] == n}
+    through = model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_SITE]
+    farthest: dict[int, tuple[float, int]] = {}
+    for n in range(model.nsite):
+        part = int(rigid[model.site_bodyid[n]])
+        if model.site(n).name and part not in carries and n not in through:
+            away = float(np.linalg.norm(data.site_xpos[n] - data.xpos[part]))
+            farthest[part] = max(farthest.get(part, (0.0, n)), (away, n))
+    return [n for _, n in farthest.values()]
