@@ -15,6 +15,7 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.proposing import propose
 from serpent_twin.machines.model.starts import angle_of, rate_of
+from serpent_twin.tables.segments import Stretch
 
 TOML = ROOT / "experiments" / "measured" / "xl330" / "machine.toml"
 MEASURED = DATA / "xl330"
@@ -32,7 +33,8 @@ def opened(folder, *made):
     runs = rig.read(folder)
     case = rig.open(runs)
     free = [-20.0 * (each.name in RUBS) for each in case.declared]
-    return case, case.pieces(runs), ParameterVector(np.array(free))
+    whole = case.machine.stacked([Stretch.whole(run) for run in runs])
+    return case, whole, ParameterVector(np.array(free))
 
 
 def test_switched_off_it_swings_like_a_pendulum(tmp_path):

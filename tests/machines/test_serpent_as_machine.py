@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from serpent_twins import serpent
 
-SEGMENTS, ROWS = range(4), 160
+STARTS, ROWS = range(0, 600, 150), 150
 
 
 @pytest.fixture(scope="module")
 def both():
     """What the nominal twin does in segments of a log by either engine, (S, T, 37), and which motors turn."""
-    of = serpent(SEGMENTS, ROWS)
+    of = serpent(STARTS, ROWS)
     return of.as_model(), of.by_itself(), of.turns
 
 

@@ -14,7 +14,7 @@ from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.sim.arm_moment import Moment
 
-SEGMENTS, ROWS = (0, 12), 24
+STARTS, ROWS = (0, 1800), 24
 WORLD_FROM_BASE = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """As serpent.xml turns the base: the arm hangs along its +x"""
 IN_WORLD = ("force", "spring", "acceleration")
@@ -46,7 +46,7 @@ LAWS = {
 @pytest.fixture(scope="module")
 def arm():
     """Pieces of a log, and what the nominal twin does there by either engine."""
-    of = serpent(SEGMENTS, ROWS)
+    of = serpent(STARTS, ROWS)
     return of, of.as_model(), of.by_itself()
 
 

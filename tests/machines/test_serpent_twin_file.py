@@ -20,7 +20,7 @@ NOISE = np.r_[np.full(27, 3e-4), np.full(10, 6e-3)]
 
 @pytest.fixture(scope="module")
 def arm():
-    return serpent(range(2), 40)
+    return serpent((0, 150), 40)
 
 
 def moved(machine, kind, seed=3):

@@ -18,6 +18,7 @@ from serpent_twin.sim.many_twins import PrescribedMotion, impose
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import STANDING, servo_lag
 from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.tables.segments import Stretch
 
 DATA, STEPS = Path("data/arm_a"), 125
 STALL = 1.5
@@ -73,19 +74,13 @@ class Serpent:
         return np.concatenate([marker, STALL * np.asarray(did.load)[0]], axis=-1)
 
 
-def serpent(segments, rows):
-    """Some segments of the first session of `data/arm_a`, in their first rows."""
+def serpent(starts, rows):
+    """Some rows each of the first session of `data/arm_a`, from where they start."""
     rig = open_machine(MODEL / "machine.toml")
     logs = rig.read(DATA / "session_01.parquet")
     machine = _machine(rig, logs)
-    whole = machine.pieces(logs).take(segments)
-    rows = min(rows, whole.time.shape[1])
-    pieces = replace(
-        whole,
-        time=whole.time[:, :rows],
-        column={name: of[:, :rows] for name, of in whole.column.items()},
-        measured=whole.measured[:, :rows],
-    )
+    parts = [Stretch(logs[0], at, at + rows, (at, at + rows)) for at in starts]
+    pieces = machine.stacked(parts)
     session = read_folder(DATA)[0]
     time, angle, velocity = session.time, session.motor_position, session.motor_velocity
     first = np.searchsorted(time, pieces.time[:, 0])

@@ -38,9 +38,13 @@ def segments(machine: Described, run: Log) -> list[Stretch]:
     size = about.segment or (ROWS if moves else _POSES)
     parts = 1 if whole else ceil(len(run) / size)
     ends = np.linspace(first, len(run), parts + 1).round().astype(int).tolist()
-    begins = [_quietest(machine, run, at) if settles else max(0, at - lead) for at in ends]
-    several = zip(begins[:-1], pairwise(ends), strict=True)
-    found = [Stretch(run, begin, end, (at, end)) for begin, (at, end) in several]
+    judged = list(pairwise(ends))
+    begins = [_quietest(machine, run, at) if settles else max(0, at - lead) for at, _ in judged]
+    most = max(end - begin for begin, (_, end) in zip(begins, judged, strict=True))
+    found = [
+        Stretch(run, begin, min(begin + most, len(run)) if settles else end, (at, end))
+        for begin, (at, end) in zip(begins, judged, strict=True)
+    ]
     return [each for each in found if each.end - each.first >= _FEWEST]
 
 
