@@ -54,6 +54,21 @@ def softness_of(quick: Array, time: Array | float = USUAL) -> tuple[Array, Array
     return np.maximum(time, quick / give), 1 - give
 
 
+def near_rest(model: mujoco.MjModel) -> Array:
+    """How steeply dry friction of joints rises with velocity near rest, 2 / ((1 − d) τ) [1/s], (njnt,): over
+    the inverse inertia, in N m s/rad.
+    """
+    dof = model.jnt_dofadr
+    quick = (1 - model.dof_solimp[dof, 0]) * model.dof_solref[dof, 0]
+    return np.where(model.dof_frictionloss[dof] > 0, 2 / np.maximum(quick, 1e-12), 0.0)
+
+
+def scale_near_rest(joint: mujoco.MjsJoint, factor: float) -> None:
+    """Multiply how steeply the dry friction of a spec's joint rises near rest."""
+    quick = (1 - joint.solimp_friction[0]) * joint.solref_friction[0]
+    joint.solref_friction[0], joint.solimp_friction[:2] = softness_of(quick / factor)
+
+
 def friction_inertia(impedance: Array, inverse_inertia: Array) -> Array:
     """Inertia that a friction constraint near rest adds to a hinge [kg m²]."""
     return impedance / ((1 - impedance) * inverse_inertia)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from serpent_twin.engine.friction_softness import softness_of
+from serpent_twin.engine.friction_softness import near_rest, scale_near_rest
 from serpent_twin.machines.model.actuator_numbers import (
     CONSTANT,
     LIMIT,
@@ -147,20 +147,6 @@ def _leaning(axis: int) -> NumberKind:
     return NumberKind("mrad", "joint", read, lean, 5.0, added=True, fitted=False)
 
 
-def _near_rest(model: mujoco.MjModel) -> np.ndarray:
-    """How steeply dry friction of joints rises with velocity near rest, 2 / ((1 − d) τ) [1/s], of the
-    impedance d and time constant τ of its constraint: over the inverse inertia, in N m s/rad.
-    """
-    dof = model.jnt_dofadr
-    quick = (1 - model.dof_solimp[dof, 0]) * model.dof_solref[dof, 0]
-    return np.where(model.dof_frictionloss[dof] > 0, 2 / np.maximum(quick, 1e-12), 0.0)
-
-
-def _scale_near_rest(joint: Any, factor: float) -> None:
-    quick = (1 - joint.solimp_friction[0]) * joint.solref_friction[0]
-    joint.solref_friction[0], joint.solimp_friction[:2] = softness_of(quick / factor)
-
-
 def _loosen(tendon: Any, by: float) -> None:
     tendon.springlength[1] += 1e-3 * by
 
@@ -185,8 +171,8 @@ NUMBERS: Mapping[str, NumberKind] = {
     "friction near rest": NumberKind(
         "1/s",
         "joint",
-        _near_rest,
-        _scale_near_rest,
+        near_rest,
+        scale_near_rest,
         1.0,
         fitted=False,
         at_rest=False,
