@@ -94,8 +94,8 @@ class Tracer(TracerFits):
         base, rounds = calibrated, list[Round]()
         while len(rounds) < _MOST_EFFECTS and not self.late:
             done = self._round(base, rounds, opening)
-            sought = not rounds and self._much(base, done.errors)
-            sought = sought and not self._explained(done.trials)
+            much = not rounds and self._much(base, done.errors)
+            sought = much and not self._explained(done.trials)
             if sought and (wide := far_off(self.trials, self.case, opening, base, done)):
                 self.case = replace(self.case, widened=wide.case.widened, noise=wide.case.noise)
                 stage = f"widened_{mark(list(self.case.widened))}"
@@ -205,11 +205,10 @@ class Tracer(TracerFits):
         return not self._much(best.fit, best.errors)
 
     def _round(self, base: Fit, rounds: Sequence[Round], opening: Opening) -> Round:
-        """Try all candidates, and pairs, if none is accepted alone. Where the best leaves much, or
-        numbers far off, calibration may have absorbed another: the best few are then fitted where nothing is
-        calibrated yet, too. Without
-        any, a promising candidate stands until it was fitted again. None is fitted where effects that were
-        found may neglect all that is left.
+        """Try all candidates, and pairs, if none is accepted alone. Where the best leaves much, or numbers
+        far off, calibration may have absorbed another: the best few are then fitted where nothing is
+        calibrated yet, too. Where none is accepted, a promising candidate stands until it was fitted again.
+        None is fitted where effects that were found may neglect all that is left.
         """
         number = len(rounds) + len(self.case.widened) + 1
         names = [

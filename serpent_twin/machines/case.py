@@ -160,8 +160,8 @@ class Case(Generic[P]):
         return found
 
     def knowing_parts(self, sessions: Sequence[Any]) -> "Case[P]":
-        """The case with what sites in sessions tell: information on rigid parts, and their own noise; for a
-        machine that has short segments.
+        """The case with what measured sites tell of rigid parts, and with the noise that they have
+        themselves; for a machine that has short segments.
         """
         machine: Any = self.machine
         machine, told = machine.told_by_sites(sessions)

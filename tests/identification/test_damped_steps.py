@@ -1,4 +1,4 @@
-"""Test that steps of a fit are damped along what is told of parts without any forces."""
+"""Test that a fit takes short steps along what sites alone tell of rigid parts."""
 
 from dataclasses import replace
 

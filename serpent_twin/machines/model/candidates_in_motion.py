@@ -19,7 +19,7 @@ from serpent_twin.machines.model.springs import Springs, single_joints
 from serpent_twin.machines.model.starts import angle_of, measured_joints
 from serpent_twin.machines.model.state_laws import springs_at
 from serpent_twin.machines.model.state_moment import JOINT, TENDON
-from serpent_twin.machines.model.things import lengths
+from serpent_twin.machines.model.things import lengths, tendon_levers
 from serpent_twin.tables.log import Log
 
 _MOST = 500  # rows that are looked at
@@ -189,14 +189,13 @@ def stiffening_tendons(machine: Described, of: Sizes) -> Iterator[Candidate]:
     model, data = machine.model, mujoco.MjData(machine.model)
     data.qpos[:] = machine.begin
     mujoco.mj_forward(model, data)
-    springs = np.flatnonzero(model.tendon_stiffness).tolist()
-    for n in springs:
-        some = slice(model.ten_J_rowadr[n], model.ten_J_rowadr[n] + model.ten_J_rownnz[n])
-        lever = np.abs(data.ten_J[some])
+    levers = np.abs(tendon_levers(model, data))
+    for n in np.flatnonzero(model.tendon_stiffness).tolist():
+        lever = levers[n]
         moved, name = lever > _LEAST, model.tendon(n).name
         if not (moved.any() and name):
             continue
-        pull = np.min(of.force[model.ten_J_colind[some]][moved] / lever[moved])
+        pull = np.min(of.force[moved] / lever[moved])
         stretch = float(pull / model.tendon_stiffness[n])
         rate = sized_range("cable_stiffening", "rate", _STIFFENS / stretch)
         unit = "1/rad" if "rad" in lengths(model, "tendon", name) else rate.unit

@@ -14,6 +14,7 @@ from serpent_twin.machines.model.things import (
     lengths,
     names,
     not_single,
+    tendon_levers,
     unknown,
     wrong_unit,
 )
@@ -161,7 +162,5 @@ def _jacobian(about: Description, model: mujoco.MjModel, several: list[tuple[str
         if kind == "joint":
             row[model.joint(name).dofadr[0]] = 1.0
             continue
-        n = model.tendon(name).id
-        some = slice(model.ten_J_rowadr[n], model.ten_J_rowadr[n] + model.ten_J_rownnz[n])
-        row[model.ten_J_colind[some]] = data.ten_J[some]
+        row[:] = tendon_levers(model, data)[model.tendon(name).id]
     return out

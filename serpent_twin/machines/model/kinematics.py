@@ -28,7 +28,7 @@ _TURN = 1e-6
 _HELD = 1e-9
 """Added where a pose is singular [m²]"""
 _FEWEST = 30
-"""Degrees of freedom that joints must leave to tell noise"""
+"""Degrees of freedom above which what joints leave tells the noise"""
 _SETTLED = 1e-3
 """Step, in widths of a prior, that ends a search"""
 

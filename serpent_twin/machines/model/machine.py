@@ -111,9 +111,8 @@ class ModelMachine(SimulatedModel):
         sites hold on rigid parts near a first guess of them, (P, P).
         """
         information, noise = self._parts.told(sessions)
-        return self._with_noise(
-            no_noisier(self.described.about.measured, self.outputs, noise)
-        ), information
+        outputs = no_noisier(self.described.about.measured, self.outputs, noise)
+        return self._with_noise(outputs), information
 
     @property
     def _parts(self) -> Parts:
@@ -141,9 +140,8 @@ class ModelMachine(SimulatedModel):
         """The machine with the noise that is left where a twin is `off`, (S, T, C), if that is less."""
         if self.described.about.rows == POSES:
             return self
-        return self._with_noise(
-            quieter(self.described.about.measured, self.outputs, pieces.measured, off)
-        )
+        outputs = quieter(self.described.about.measured, self.outputs, pieces.measured, off)
+        return self._with_noise(outputs)
 
     def _with_noise(self, outputs: tuple[Output, ...]) -> "ModelMachine":
         if all(a.noise == b.noise for a, b in zip(outputs, self.outputs, strict=True)):

@@ -73,18 +73,16 @@ def quieter(
 def no_noisier(
     measured: Sequence[MeasuredColumns], outputs: Sequence[Output], most: Array
 ) -> tuple[Output, ...]:
-    """The channels with no more noise of sites than so much, (3,) along the axes of the cameras, but as it is
-    stated.
+    """The channels of all that is measured, sites with no more noise than so much, (3,) along the axes of the
+    cameras, but those whose noise is stated.
     """
-    least = {
-        name: min(float(most[axis]), output.noise)
+    told = [
+        most[axis] if each.site and not each.noise else np.inf
         for each in measured
-        if each.site and not each.noise
-        for axis, name in enumerate(each.columns)
-        for output in outputs
-        if output.name == name
-    }
-    return tuple(replace(each, noise=least.get(each.name, each.noise)) for each in outputs)
+        for axis in range(len(each.columns))
+    ]
+    each = zip(outputs, told, strict=True)
+    return tuple(replace(one, noise=min(one.noise, float(noise))) for one, noise in each)
 
 
 def _jitter(several: Sequence[Array]) -> float:

@@ -25,7 +25,7 @@ from serpent_twin.machines.model.from_sites import placed_joints
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import ForcedRows, adapted, forced_rows
 from serpent_twin.machines.model.seen import address
-from serpent_twin.machines.model.seen_places import levers_on, of_frame, of_motors, of_sensors
+from serpent_twin.machines.model.seen_places import levers_at_rest, of_frame, of_motors, of_sensors
 from serpent_twin.machines.model.springs import drives_on, single_joints
 from serpent_twin.machines.model.things import joint_type, lengths
 from serpent_twin.machines.places import LaggedResponse, Places, Response, by_forces
@@ -124,9 +124,10 @@ class ModelPlaces(Places):
         for k, n in enumerate(self._tendons):
             if not drives_on(self.model, "tendon", n):
                 found["tension", self.model.tendon(n).name] = self._along.tension[k]
-        for motor in self.machine.efforts if self._placed else ():
-            levers = levers_on(self.model, motor)
-            by = np.array([levers[self.model.tendon(n).name] for n in self._tendons])
+        efforts = self.machine.efforts if self._placed else ()
+        levers = levers_at_rest(self.model)[self._tendons] if efforts else np.zeros((0, 0))
+        for motor in efforts:
+            by = levers[:, int(self.model.joint(motor).dofadr[0])]
             if by.any():
                 found["horn_torque", motor] = np.tensordot(by, self._along.tension, axes=1)
         return found

@@ -10,8 +10,8 @@ from serpent_twin.effects.law import HANDLES
 from serpent_twin.engine.row_changes import against
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
-from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.state_moment import fixed
+from serpent_twin.machines.model.things import tendon_levers
 from serpent_twin.machines.model.variants import Variants
 from serpent_twin.machines.places import LaggedResponse, PlaceResponse, Response
 
@@ -76,25 +76,21 @@ def of_motors(
         effort[..., names.index(each.columns[0])] = 1.0
         yield PlaceResponse("motor_torque", joint, -effort[None])
         yield PlaceResponse("gear_friction", joint, (-against(rate) * effort)[None])
+    levers = levers_at_rest(model)
     for joint in machine.winches:
-        by = {name: -lever for name, lever in levers_on(model, joint).items() if lever}
-        winds = [(by[name], each) for name, each in slack.items() if name in by]
-        if winds:
+        by = levers[:, int(model.joint(joint).dofadr[0])]
+        each = [(-float(by[model.tendon(name).id]), of) for name, of in slack.items()]
+        if winds := [one for one in each if one[0]]:
             yield _sum("winch_angle", joint, winds)
 
 
-def levers_on(model: mujoco.MjModel, joint: str) -> dict[str, float]:
-    """Change of the length of each tendon by a joint at rest [m/rad or 1], by the tendon's name."""
+def levers_at_rest(model: mujoco.MjModel) -> Array:
+    """Change of the length of each tendon with the degrees of freedom in the pose of the drawn model,
+    (ntendon, nv) [m/rad or 1].
+    """
     data = mujoco.MjData(model)
-    lengths = []
-    for turn in (0.0, 1e-4):
-        data.qpos[address(model, joint)] = model.qpos0[address(model, joint)] + turn
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_tendon(model, data)
-        lengths.append(data.ten_length.copy())
-    by = (lengths[1] - lengths[0]) / 1e-4
-    return {model.tendon(n).name: float(by[n]) for n in range(model.ntendon)}
+    mujoco.mj_fwdPosition(model, data)
+    return tendon_levers(model, data)
 
 
 def of_frame(

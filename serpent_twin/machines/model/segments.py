@@ -1,5 +1,6 @@
 """Cut a session into the segments that are simulated and judged one by one."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import ceil
 
@@ -39,23 +40,26 @@ def segments(machine: Described, run: Log) -> list[Stretch]:
     parts = 1 if whole else ceil(len(run) / size)
     ends = np.linspace(first, len(run), parts + 1).round().astype(int).tolist()
     judged = list(pairwise(ends))
-    begins = [_quietest(machine, run, at) if settles else max(0, at - lead) for at, _ in judged]
-    most = max(end - begin for begin, (_, end) in zip(begins, judged, strict=True))
-    found = [
-        Stretch(run, begin, min(begin + most, len(run)) if settles else end, (at, end))
-        for begin, (at, end) in zip(begins, judged, strict=True)
-    ]
+    if settles:
+        found = _settling(machine, run, judged)
+    else:
+        found = [Stretch(run, max(0, at - lead), end, (at, end)) for at, end in judged]
     return [each for each in found if each.end - each.first >= _FEWEST]
 
 
-def _quietest(machine: Described, run: Log, at: int) -> int:
-    """The row before another in which joints move least, and from which a model forgets by then where it
-    began: rows tell a quick motion's rate badly, and a machine swings on from a wrong one.
+def _settling(machine: Described, run: Log, judged: Sequence[tuple[int, int]]) -> list[Stretch]:
+    """Stretches of one length, as far as the log goes, that begin before what is judged of each, in the row
+    in which joints move least: rows tell a quick motion's rate badly, and a machine swings on from a wrong
+    one. By the first row that is judged a model has forgotten where it began.
     """
-    rows = slice(max(0, at - LEAD), max(1, at - LEAD // 2))
     rates = [run.columns[rate_of(joint)] for joint in measured_joints(machine)]
-    moves = sum((each / (np.std(each) or 1.0)) ** 2 for each in rates)
-    return rows.start + int(np.argmin(np.broadcast_to(moves, len(run))[rows]))
+    moves = np.sum([(each / (np.std(each) or 1.0)) ** 2 for each in rates], axis=0)
+    begins = [at - LEAD + int(np.argmin(moves[at - LEAD : at - LEAD // 2])) for at, _ in judged]
+    most = max(end - begin for begin, (_, end) in zip(begins, judged, strict=True))
+    return [
+        Stretch(run, begin, min(begin + most, len(run)), each)
+        for begin, each in zip(begins, judged, strict=True)
+    ]
 
 
 def searched(pieces: Segments) -> int:

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin import stored
+from serpent_twin.arrays import Array
 from serpent_twin.units import TO_SI
 
 OBJECTS = {
@@ -95,6 +96,17 @@ def joints_moving(model: mujoco.MjModel, body: int) -> set[int]:
         found |= set(np.flatnonzero(model.jnt_bodyid == body).tolist())
         body = int(model.body_parentid[body])
     return found
+
+
+def tendon_levers(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Change of the length of each tendon with the degrees of freedom, (ntendon, nv), in a pose of which
+    MuJoCo has computed the positions.
+    """
+    out = np.zeros((model.ntendon, model.nv))
+    for n, (first, count) in enumerate(zip(model.ten_J_rowadr, model.ten_J_rownnz, strict=True)):
+        some = slice(first, first + count)
+        out[n, model.ten_J_colind[some]] = data.ten_J[some]
+    return out
 
 
 def chain_ends(model: mujoco.MjModel, data: mujoco.MjData) -> list[int]:
