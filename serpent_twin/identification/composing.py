@@ -20,7 +20,7 @@ from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.moved import moved
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.proxies import needless
-from serpent_twin.identification.refitting import RefittingTracer
+from serpent_twin.identification.refitting import IDEALISED, RefittingTracer
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
 
@@ -34,11 +34,6 @@ _AS_MUCH = 0.9
 """A law is tried in place of a named effect if it removes at least this fraction of what the effect
 removed, both to first order
 """
-_IDEALISED = 0.05
-"""A law replaces named effects if it gains at least this fraction more than they do: effects neglect no
-more than that, as their `simplified` says
-"""
-
 _IN_PLACE = "the effects in whose place it was tried"
 _Way = Callable[[Fit, Round], list[str]]
 """Finds laws to try in place of a round, from the fit with all effects and that round; gives their names"""
@@ -73,6 +68,8 @@ class ComposingTracer(RefittingTracer):
         if law := self._absorbed(base, rounds):
             base = law
         found, something = self._composed(base, rounds, 1)
+        if found is not base and (name := self._by_name(found, rounds)):
+            return self._more(name, rounds)
         if not something and not law:
             return found
         if better := self._replaced(found, rounds, named):
@@ -245,13 +242,13 @@ class ComposingTracer(RefittingTracer):
         """Whether a law gains clearly more than named effects in its place: both are idealisations, and where
         a name explains nearly all, what another form of it gains is no reason to give up the name.
         """
-        return self._gained(before, law) > (1 + _IDEALISED) * self._gained(before, named)
+        return self._gained(before, law) > (1 + IDEALISED) * self._gained(before, named)
 
     def _unbeaten(self, before: Errors, named: Fit) -> bool:
         """Whether named effects explain so much that no law in the place of the last can gain clearly more,
         so that none is sought.
         """
-        return (1 + _IDEALISED) * self._gained(before, named) >= 1
+        return (1 + IDEALISED) * self._gained(before, named) >= 1
 
     def _gained(self, before: Errors, found: Fit) -> float:
         """Share of the held-out error that a fit removes."""

@@ -1,11 +1,12 @@
 """Fit candidates from where nothing is calibrated: a calibration without them absorbs delays and friction."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from serpent_twin.effects import place_of
 from serpent_twin.identification.acceptance import CandidateTrial
 from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitting.fitted import Fit
@@ -14,7 +15,7 @@ from serpent_twin.identification.fitting.least_squares import derives_cheaply, f
 from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.score_test import Score, scores, worth_fitting
+from serpent_twin.identification.score_test import WORTH_A_FIT, Score, scores, worth_fitting
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
@@ -83,6 +84,7 @@ def from_opening(
         return out
     tied = _TIED * max(found[name].share for name in ranked)
     chosen = [n for k, n in enumerate(ranked) if k < _FITTED or found[n].share > tied]
+    chosen += [n for n in _at_its_place(case, ranked[0], found) if n not in chosen]
     weighed, begun = weighed_by_left(case, begun, list(found.values()))
     cheap, fits = derives_cheaply(case), dict[str, Fit]()
     least = cost_by(trials, weighed, begun, base)
@@ -111,6 +113,16 @@ def from_opening(
         trial = trials.judged(own, found[name], base, fitted, before, len(chosen))
         out[name] = replace(trial, opened=True)
     return out
+
+
+def _at_its_place(case: Case[Any], best: str, found: Mapping[str, Score]) -> list[str]:
+    """Candidates at the best one's place with which it can be confused: first order is rough here."""
+    place = place_of(best)
+    return [
+        name
+        for name in case.candidates[best].confused_with
+        if place and name in found and place_of(name) == place and found[name].share > WORTH_A_FIT
+    ]
 
 
 def _others(trials: Trials, case: Case[Any], begun: Fit, score: Score, stage: str) -> list[Score]:

@@ -4,15 +4,17 @@ import hanging_models
 import numpy as np
 import pytest
 from hanging_models import lever
-from linear_case import GUST, SEGMENTS, START, case, every
+from linear_case import GUST, NOTHING, SEGMENTS, START, case, every
 
-from serpent_twin.identification import Trace, composing, steps, trace
+from serpent_twin.identification import Trace, composing, refitting, steps, trace
 from serpent_twin.identification.acceptance import CandidateTrial, Round
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
+from serpent_twin.identification.detection import opening_fit
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Stopwatch
 
 
@@ -85,3 +87,34 @@ def test_an_effect_that_the_last_fit_brings_to_nothing_is_left_out(strength, tmp
     kept = tracer._without_idle(found)
     assert set(kept.point.effects) == ({GUST} if strength else set())
     assert len(kept.free) == 2 + bool(strength) == len(kept.error)
+
+
+@pytest.mark.parametrize(("explains", "taken"), [(0.0, True), (1e3, False)])
+def test_a_named_effect_that_explains_as_much_takes_the_place_of_a_law(
+    explains, taken, monkeypatch
+):
+    """As a payload that a calibration absorbed, of which a law at a place remained."""
+    arm, law = case(0.7), "discovered@force of tip: linear joint_angle of hinge"
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    named = fit(arm, every(), START.having(GUST, [0.3]), free_parameters(arm, (GUST,)), 2, 99)
+    tracer = ComposingTracer(arm, every(), every(), None, print, 0)
+    tracer._at_opening = (arm, opening_fit(arm, every()), [])
+    sought = []
+
+    def from_opening(trials, names, opening, base, before, stage):
+        sought.append((names, opening))
+        return {GUST: CandidateTrial(None, named, None, 0.0, fits=0.5, opened=True)}
+
+    monkeypatch.setattr(refitting, "from_opening", from_opening)
+    monkeypatch.setattr(refitting, "best_trial", lambda trials, candidates: GUST)
+    monkeypatch.setattr(tracer, "_stands", lambda rounds: rounds[-1].trials[GUST].fit)
+    errors = Errors(*np.ones((2, SEGMENTS, 5)))
+    rounds = [
+        Round(base, errors, {law: CandidateTrial(None, base, None, 0.0, fits=explains)}, (law,))
+    ]
+    assert tracer._by_name(base, rounds) is (named if taken else None)
+    assert [each.accepted for each in rounds] == ([(), (GUST,)] if taken else [(law,), ()])
+    assert [each.undone for each in rounds] == ([GUST, ""] if taken else ["", spaced(law)])
+    assert sought == [([GUST, NOTHING], tracer._at_opening[:2])]
+    assert tracer._by_name(base, rounds) is None  # it is sought once
+    assert len(sought) == 1
