@@ -131,10 +131,16 @@ class TracerFits:
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
-        """Fit an accepted effect again with everything else, with updated weights."""
+        """Fit an accepted effect again with everything else, with updated weights; as it was, if that only
+        gains on the segments that the fit uses.
+        """
         self.case = self._weighed_by(found)
         free = free_parameters(self.case, list(found.point.effects))
-        return self._fit(name, found.point, free, 2, carried=found)
+        after = self._fit(name, found.point, free, 2, carried=found)
+        if self.trials.holds(self.case, found, after):
+            return after
+        self.case = replace(self.case, noise=found.noise)
+        return found
 
     def _sharpened(self, found: Fit) -> Fit:
         """The last fit, on more segments if there are, from which numbers are reported."""

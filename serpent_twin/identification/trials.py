@@ -189,9 +189,21 @@ class Trials:
             if n > rough and settled.weighs_like(case):
                 break
             derivatives = 0 if rough and n == 0 else _MORE
-            begun = self.further(settled, begun, f"{stage}_again_{n}", derivatives, far)
-            case = settled
+            after = self.further(settled, begun, f"{stage}_again_{n}", derivatives, far)
+            if not self.holds(settled, begun, after):
+                break
+            case, begun = settled, after
         return case, begun
+
+    def holds(self, case: Case[Any], before: Fit, after: Fit) -> bool:
+        """Whether a fit that went on explains all training segments no worse than before: what it gained of
+        those that it used is else of these alone, such as when a joint slipped.
+        """
+        if len(after.used) == len(self.training):
+            return True
+        left = case.residual([before.point, after.point], self.training).astype(float)
+        squares = (left**2).sum(axis=(1, 2))
+        return bool(np.isfinite(squares[1]) and not squares[1] > squares[0])
 
     def _worth_a_fit(self, case: Case[Any], begun: Fit, before: Errors) -> float:
         """Share of the residual that a candidate must remove to first order: more, where the effects found
