@@ -16,8 +16,8 @@ from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Quantity
 
-FAR = 3.0
-"""Tolerances, and standard errors, beyond which a parameter is not what was built"""
+_FAR = 3.0
+"""Tolerances, and standard errors, beyond which a single parameter is not what was built"""
 LIKE = 0.5
 """Least cosine between the changes of a parameter and of an effect, for one to stand for the other"""
 _NAMED = 3
@@ -64,6 +64,13 @@ class Moved:
         return f"{found}, {abs(self.widths):.1f} × its tolerance".replace("-", "−")
 
 
+def too_far(several: int) -> float:
+    """Widths beyond which the furthest of several numbers is not what was built: of many, one is far off by
+    chance.
+    """
+    return float(np.sqrt(_FAR**2 + 2 * np.log(max(1, several))))
+
+
 def moved(case: Case[Any], fit: Fit, scores: Sequence[Score]) -> tuple[Moved, ...]:
     """The parameters that a fit moved too far, the furthest first; with scores of candidates on top of it."""
     several, names = case.quantities, [each.name for each in case.declared]
@@ -72,7 +79,7 @@ def moved(case: Case[Any], fit: Fit, scores: Sequence[Score]) -> tuple[Moved, ..
         of = [names.index(name) for name in each.of]
         value[k] = each.after(float(fit.point.declared[of].sum()))
         error[k] = fit.standard_error(of) * (abs(each.scale) or 1.0)
-    found = []
+    found, most = [], too_far(len(fit.free.declared))
     for k, each in enumerate(several):
         expected, width = _expected(several, value, k), each.tolerance
         if np.isfinite(width * expected):
@@ -81,7 +88,7 @@ def moved(case: Case[Any], fit: Fit, scores: Sequence[Score]) -> tuple[Moved, ..
             built = case.machine.declared[k].prior
             off, width, expected = fit.point.declared[k], built, each.after(0.0)
             error[k] = fit.standard_error([k])
-        far = abs(off) > FAR * max(width, error[k])
+        far = abs(off) > most * max(width, error[k])
         if k in fit.free.declared and (far or names[k] in case.widened):
             like = _like(case, fit, scores, k)
             unit = "" if each.unit == "1" else each.unit

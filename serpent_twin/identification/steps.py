@@ -10,8 +10,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
     CandidateTrial,
@@ -31,7 +29,7 @@ from serpent_twin.identification.fitting.objective import prior_squares
 from serpent_twin.identification.from_opening import Opening, from_opening, opened
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
-from serpent_twin.identification.moved import FAR
+from serpent_twin.identification.moved import too_far
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.pair_fits import pair_fits
 from serpent_twin.identification.proxies import without_proxies
@@ -115,8 +113,7 @@ class Tracer(TracerFits):
         many does by chance, so that something may be absorbed.
         """
         squares = prior_squares(self.case, found.point)
-        furthest = float(squares.max(initial=0.0))
-        strained = furthest > FAR**2 + 2 * np.log(max(1, len(squares)))
+        strained = float(squares.max(initial=0.0)) > too_far(len(squares)) ** 2
         return strained or not self.trials.little(self.case, found, left)
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:

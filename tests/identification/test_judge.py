@@ -16,7 +16,7 @@ from serpent_twin.identification.fitting.information import Information
 from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.fitting.uncertainty import drawn
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.moved import _expected, moved
+from serpent_twin.identification.moved import _expected, moved, too_far
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
 from serpent_twin.identification.score_test import (
@@ -133,6 +133,13 @@ def test_a_parameter_that_is_not_as_built_is_named_with_what_it_may_stand_for():
     assert one.stands_for == {}
     assert str(replace(two, value=3.0)).startswith("two is 3 mm where 5 is expected, ")
     assert built(0.7) == () and len(built(0.5)) == 1
+
+
+def test_of_many_numbers_the_furthest_is_further_off_by_chance():
+    """Of 110 numbers as they are built, one is off by more than 3.0 widths in a quarter of all cases."""
+    off = np.abs(np.random.default_rng(0).standard_normal((4000, 110))).max(axis=1)
+    assert too_far(1) == 3.0
+    assert (off > 3.0).mean() > 0.2 and (off > too_far(110)).mean() < 0.005
 
 
 def test_parts_that_are_built_alike_are_judged_by_their_median():
