@@ -27,6 +27,7 @@ MAD_TO_STD = 1.4826  # of a gaussian
 FEWEST = 150
 """Least number of known fourth differences for an estimate: with this many, simulated noise was found within
 a half, and with half as many it was 0 in one of four cases"""
+_NOTHING = 1e-30  # [m²/rad²]
 UNKNOWN = "unknown: too few rows"
 """What is said of a noise that is NaN"""
 
@@ -169,7 +170,8 @@ def _beside_joints(comparison: Comparison) -> Array:
     seen = np.isfinite(y)
     H = joint_jacobian(comparison).reshape(*y.shape, -1) * seen[..., None]
     gram = np.einsum("stki,stkj->stij", H, H, optimize=True)
-    gram += 1e-9 * np.trace(gram, axis1=2, axis2=3)[..., None, None] * np.eye(H.shape[-1])
+    least = 1e-9 * np.trace(gram, axis1=2, axis2=3) + _NOTHING  # where no marker is seen
+    gram += least[..., None, None] * np.eye(H.shape[-1])
     taken = np.linalg.solve(gram, np.swapaxes(H, 2, 3))
     left = y - (H @ (taken @ np.nan_to_num(y)[..., None]))[..., 0]
     free = 1 - np.einsum("stki,stik->stk", H, taken, optimize=True)

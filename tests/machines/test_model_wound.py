@@ -9,6 +9,7 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.from_sites import placed_joints, site_column
 from serpent_twin.machines.model.known_motion import LAG, KnownMotion
+from serpent_twin.residual.joint_attribution import joint_jacobian
 
 RADIUS, STIFFNESS, INERTIA, DAMPING, FRICTION = 0.02, 2000.0, 4e-3, 2e-2, 0.01
 FLAP, HELD = 0.05, 0.004  # [N m/rad], [N m]
@@ -122,6 +123,21 @@ def test_sites_place_the_joints_that_move_them(winch):
     rig, (run,), angle = winch
     assert placed_joints(rig.described) == ("hinge",)
     assert run.columns[site_column("hinge")] == pytest.approx(angle, abs=1e-6)
+
+
+def test_a_comparison_has_the_hinges_that_sites_place(winch):
+    """In the frame in which sites are seen, which points elsewhere: angle, axis and what a rotation moves."""
+    rig, sessions, _ = winch
+    case = rig.open(sessions)
+    seen = case.compare(None, case.pieces(sessions))
+    place = seen.marker_predicted[:, :, 0]
+    assert seen.joint_names == ("hinge",) and seen.carries.tolist() == [[True]]
+    angle = np.arctan2(place[..., 0], place[..., 2] + 0.3)
+    assert seen.joint_angle[..., 0] == pytest.approx(angle, abs=1e-6)
+    np.testing.assert_allclose(seen.joint_anchor - [0.0, 0.0, -0.3], 0.0, atol=1e-9)
+    np.testing.assert_allclose(seen.joint_axis - [0.0, 1.0, 0.0], 0.0, atol=1e-9)
+    moved = 0.2 * np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=-1)
+    assert joint_jacobian(seen)[:, :, 0, :, 0] == pytest.approx(moved, abs=1e-6)
 
 
 def test_the_lag_with_which_velocities_are_taken_up_is_in_the_log(winch):

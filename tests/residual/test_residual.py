@@ -58,6 +58,15 @@ def test_the_noise_is_told_from_motion_and_from_errors_of_the_twin(name, geometr
     assert noise.load.mean() == pytest.approx(LOAD_NOISE, rel=0.05)
 
 
+def test_rows_in_which_no_marker_is_seen_say_nothing_of_the_noise():
+    """As the first rows of a segment, which do not count."""
+    c = case("force")
+    seen = c.marker_measured.copy()
+    seen[:, :12] = np.nan
+    noise = measurement_noise(replace(c, marker_measured=seen))
+    assert 0.95 * NOISE < noise.marker.mean() < 1.08 * NOISE
+
+
 def test_markers_may_differ_in_their_noise():
     c = case("nothing")
     scale = np.linspace(0.5, 2.0, 9)

@@ -1,12 +1,14 @@
 """Set what was measured of a machine beside what its twin predicts, in blocks that are judged one by one."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.residual import Comparison
+from serpent_twin.machines.model.from_sites import seen_joints
+from serpent_twin.residual import POSITION, Comparison
 from serpent_twin.tables.segments import Segments
 
 if TYPE_CHECKING:
@@ -36,13 +38,32 @@ def compared(machine: "ModelMachine", point: ParameterVector, pieces: Segments) 
         marker=machine.outputs[0].measure,
         motor_angle=blocks(drive)[known],
         motor_velocity=blocks(speed)[known],
-        joint_angle=None,
         marker_names=machine.markers,
         motor_names=tuple(machine.drives.values()),
         motors=machine.motors,
-        joint_names=(),
         **_beside_pose(machine, measured[..., pose:], found[..., pose:]),
+        **_joints(
+            machine, found[..., :pose], {c: blocks(v)[known] for c, v in pieces.column.items()}
+        ),
     )
+
+
+def _joints(machine: "ModelMachine", places: Array, columns: Mapping[str, Array]) -> dict[str, Any]:
+    """The twin's hinges, by where it predicts sites, (S, T, 3 M); nothing where these leave them open."""
+    if machine.outputs[0].measure != POSITION:
+        return {}
+    rows = places.shape[:2]
+    flat = {name: values.ravel() for name, values in columns.items()}
+    seen = seen_joints(machine.described, places.reshape(-1, places.shape[-1]), flat)
+    if seen is None:
+        return {}
+    return {
+        "joint_names": seen.names,
+        "joint_angle": seen.angle.reshape(*rows, -1),
+        "joint_anchor": seen.anchor.reshape(*rows, -1, 3),
+        "joint_axis": seen.axis.reshape(*rows, -1, 3),
+        "carries": seen.moves,
+    }
 
 
 def _beside_pose(machine: "ModelMachine", measured: Array, predicted: Array) -> dict[str, Any]:

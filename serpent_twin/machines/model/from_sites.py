@@ -4,7 +4,7 @@ Least squares over all rows and over what rigid parts are off by: sites in their
 cameras. The joints of each row are eliminated, so that a log of any length costs as many small systems.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -79,20 +79,44 @@ class SitePlaces:
     def _batch(self) -> Batch:
         return side_by_side([self._model] * _AT_ONCE, 1)
 
+    def axes(self, pose: Array) -> tuple[Array, Array]:
+        """A point on each joint's axis [m] and its direction, (N, J, 3), at poses (N, nq), in the frame of
+        the first site.
+        """
+        parts = [self._axes(pose[n : n + _AT_ONCE]) for n in range(0, len(pose), _AT_ONCE)]
+        anchors, axes = zip(*parts, strict=True)
+        return np.concatenate(anchors), np.concatenate(axes)
+
+    def _axes(self, pose: Array) -> tuple[Array, Array]:
+        anchor, about, place, mats = self._posed(pose)
+        frame = self._frame[0]
+        if frame < 0:
+            return anchor, about
+        return (anchor - place[:, None, frame]) @ mats[:, frame], about @ mats[:, frame]
+
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """Which sites each joint moves, (J, S)."""
+        return self._moves.T > 0
+
     def at(self, pose: Array) -> tuple[Array, Array]:
         """Places [m], (N, 3 S), and their derivatives by the joints, (N, 3 S, J), at poses (N, nq)."""
         parts = [self._at(pose[n : n + _AT_ONCE]) for n in range(0, len(pose), _AT_ONCE)]
         places, slopes = zip(*parts, strict=True)
         return np.concatenate(places), np.concatenate(slopes)
 
-    def _at(self, pose: Array) -> tuple[Array, Array]:
+    def _posed(self, pose: Array) -> tuple[Array, Array, Array, Array]:
+        """Points on the axes of the joints and their directions, and all sites' places and rotations."""
         n = len(pose)
         fields = ("xanchor", "xaxis", "site_xpos", "site_xmat")
         anchor, about, place, turn = (self._batch.bind(name)[:n] for name in fields)
         self._batch.bind("qpos")[:n] = pose
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-        anchor, about = anchor[:, self._joints], about[:, self._joints]
         mats = turn.reshape(n, -1, 3, 3)
+        return anchor[:, self._joints], about[:, self._joints], place, mats
+
+    def _at(self, pose: Array) -> tuple[Array, Array]:
+        anchor, about, place, mats = self._posed(pose)
         places, slopes = [], []
         for s, (site, frame) in enumerate(zip(self._site, self._frame, strict=True)):
             point = place[:, site] + mats[:, site] @ np.array(self._sites[s].point)
@@ -129,10 +153,10 @@ class _Rigid:
         """Which sites' coordinates are in the frame of the cameras, (3 S,)."""
         return np.repeat([each.cameras for each in self.sites], 3)
 
-    def known(self, run: Log) -> Array:
+    def known(self, columns: Mapping[str, Array], rows: int) -> Array:
         """Poses with all that is measured or prescribed, (T, nq)."""
-        model, columns = self.machine.model, run.columns
-        pose = np.tile(self.machine.begin, (len(run), 1))
+        model = self.machine.model
+        pose = np.tile(self.machine.begin, (rows, 1))
         for joint, column in self.machine.read_joints.items():
             pose[:, address(model, joint)] = columns[column]
         return pose
@@ -189,6 +213,38 @@ class _Rigid:
         return parts
 
 
+@dataclass(frozen=True)
+class SeenJoints:
+    """Hinges of a machine in some rows, by where its sites are."""
+
+    names: tuple[str, ...]
+    angle: Array
+    """[rad], (N, J)"""
+    anchor: Array
+    """A point on each axis, in the frame of the sites [m], (N, J, 3)"""
+    axis: Array
+    """Unit length, (N, J, 3)"""
+    moves: NDArray[np.bool_]
+    """Which sites each joint moves, (J, S)"""
+
+
+def seen_joints(machine: Described, places: Array, known: Mapping[str, Array]) -> SeenJoints | None:
+    """The hinges that sites determine, by places of these [m], (N, 3 S), and columns that are read; None
+    where there are none, where a slide is among them, or sites are seen in several frames.
+    """
+    joints = placed_joints(machine)
+    if not joints or any(
+        machine.model.joint(n).type != mujoco.mjtJoint.mjJNT_HINGE for n in joints
+    ):
+        return None
+    rigid = _Rigid(machine, joints)
+    if len({each.frame for each in rigid.sites}) > 1:
+        return None
+    pose = rigid.posed(rigid.known(known, len(places)), places, np.zeros(6))
+    about = rigid.places.axes(pose)
+    return SeenJoints(joints, pose[:, rigid.places.address], *about, rigid.places.moves)
+
+
 def placed(machine: Described, runs: Sequence[Log]) -> list[Log]:
     """Logs with the angle of each joint that their sites place, in a column of its own."""
     joints = placed_joints(machine)
@@ -196,7 +252,7 @@ def placed(machine: Described, runs: Sequence[Log]) -> list[Log]:
         return list(runs)
     rigid = _Rigid(machine, joints)
     measured = np.concatenate([rigid.measured(run) for run in runs])
-    pose = np.concatenate([rigid.known(run) for run in runs])
+    pose = np.concatenate([rigid.known(run.columns, len(run)) for run in runs])
     few = slice(None, None, max(1, len(pose) // _ROWS))
     parts = rigid.calibrated(pose[few], measured[few])
     found = rigid.posed(pose, measured, parts)[:, rigid.places.address]
