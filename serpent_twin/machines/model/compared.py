@@ -42,19 +42,23 @@ def compared(machine: "ModelMachine", point: ParameterVector, pieces: Segments) 
         motor_names=tuple(machine.drives.values()),
         motors=machine.motors,
         **_beside_pose(machine, measured[..., pose:], found[..., pose:]),
-        **_joints(
-            machine, found[..., :pose], {c: blocks(v)[known] for c, v in pieces.column.items()}
-        ),
+        **_joints(machine, found, {c: blocks(v)[known] for c, v in pieces.column.items()}),
     )
 
 
-def _joints(machine: "ModelMachine", places: Array, columns: Mapping[str, Array]) -> dict[str, Any]:
-    """The twin's hinges, by where it predicts sites, (S, T, 3 M); nothing where these leave them open."""
+def _joints(
+    machine: "ModelMachine", predicted: Array, columns: Mapping[str, Array]
+) -> dict[str, Any]:
+    """The twin's hinges, by where it predicts sites among its channels, (S, T, C), and what it predicts of
+    joints that are read; nothing where sites leave hinges open.
+    """
     if machine.outputs[0].measure != POSITION:
         return {}
-    rows = places.shape[:2]
-    flat = {name: values.ravel() for name, values in columns.items()}
-    seen = seen_joints(machine.described, places.reshape(-1, places.shape[-1]), flat)
+    rows = predicted.shape[:2]
+    shown = {each.name: predicted[..., n] for n, each in enumerate(machine.outputs)}
+    flat = {name: values.ravel() for name, values in {**columns, **shown}.items()}
+    places = predicted[..., : 3 * len(machine.markers)].reshape(rows[0] * rows[1], -1)
+    seen = seen_joints(machine.described, places, flat)
     if seen is None:
         return {}
     return {
