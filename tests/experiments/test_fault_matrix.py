@@ -16,7 +16,8 @@ from serpent_twin.emulator.verify import check_rows, read_transcript
 def run(tmp_path_factory):
     """A session over the wire and the device's transcript of it, made by the experiment itself."""
     folder = tmp_path_factory.mktemp("matrix")
-    config = fault_matrix.FaultMatrix(out=folder, cycles=40)
+    # A busy machine takes 25 ms a cycle; a log whose rows are further apart than it claims is refused.
+    config = fault_matrix.FaultMatrix(out=folder, cycles=40, rate_hz=10)
     result = fault_matrix.run_fault(config, "drop")
     session = fault_matrix.read_session(folder / "drop" / "run" / "logs" / "session_01.parquet")
     return result, session, read_transcript(folder / "drop" / "run" / "transcript.jsonl")
