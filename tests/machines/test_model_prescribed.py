@@ -174,6 +174,27 @@ def test_a_joint_of_known_angle_leaves_the_other_where_its_energy_is_least(tmp_p
     assert np.nanmax(np.abs(off)) < 2e-6  # m
 
 
+def test_a_comparison_of_poses_places_the_hinge_that_no_column_reads(tmp_path):
+    """The shoulder is read, the elbow is seen by its site only."""
+    path = posed_models.machine(tmp_path)
+    read = '\n[[measured]]\njoint = "shoulder"\ncolumns = ["read_deg"]\nunit = "deg"\n'
+    path.write_text(posed_models.TOML + read)
+    goals = np.random.default_rng(0).uniform(-0.8, 0.8, (30, 2))
+
+    def at_rest(goals):
+        return np.array([posed_models.rest(each, np.array([0.0, 0.0, -9.81])) for each in goals])
+
+    rest = at_rest(goals)
+    tips = 1e3 * np.array([posed_models.places(each)[1] for each in rest])
+    rows = np.c_[np.degrees(goals), tips, np.degrees(rest[:, 0])]
+    table(tmp_path / "log.csv", "shoulder_deg,elbow_deg,x,y,z,read_deg", rows, 9)
+    case, pieces, _ = opened(path, tmp_path / "log.csv")
+    seen = case.compare(None, pieces)
+    assert seen.joint_names == ("elbow",)
+    true = at_rest(seen.motor_angle.reshape(-1, 2))[:, 1]
+    np.testing.assert_allclose(seen.joint_angle[..., 0].ravel(), true, atol=1e-5)
+
+
 @pytest.mark.slow
 def test_a_spring_of_the_joint_that_follows_is_named_with_its_size(tmp_path):
     assert_named_alone(traced(tmp_path, spring=0.05), "joint_elasticity@elbow", "stiffness", 0.05)
