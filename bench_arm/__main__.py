@@ -37,7 +37,7 @@ def main(
         steps: Control steps in each, at 4 Hz.
         payload_link: Which link carries a payload, 1 … 9.
         payload_at: How far behind that link's joint it sits [m].
-        cable: Of which cable strands creep, stiffen, wear and rub, 1 … 9; 0 for all.
+        cable: Cable whose strands creep, stiffen, wear and rub, 1 … 9; 0 for all.
         side: Which of its strands: 1 for the + strand, -1 for the - strand, 0 for both.
     """
     strengths = strength or tuple(TYPICAL.get(name, 0.0) for name in effect)

@@ -22,23 +22,23 @@ class Accident:
     kind: str
     """One of `ACCIDENTS`"""
     strength: float
-    """In the unit of its kind"""
+    """Strength in the unit of its kind"""
     part: int = 1
     """Which joint, link, motor or marker, from 1; of a strand, 0 … 17 as `clamp_strand` counts"""
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    """Of a push or a shift: in the base frame; of a marker, in its link's"""
+    """Direction of a push or a shift, in the base frame; of a marker or a turned link, in the link's"""
     begin: float = 0.1
-    """From which angle on [rad]"""
+    """Angle from which on it acts [rad]"""
     width: float = 0.2
-    """Over which angle [rad]"""
+    """Width of the window of angles in which it acts [rad]"""
     rate: float = 0.4
-    """Of a swing [Hz], or waves of an encoder in a turn"""
+    """Frequency of a swing [Hz], or waves of an encoder in a turn"""
     phase: float = 0.0
     """[rad]"""
     instant: float = 0.0
     """Running time at which something gives way, or has died [s]"""
     time_constant: float = 1.0
-    """Of what relaxes [s]"""
+    """Time constant of what relaxes [s]"""
 
     @property
     def vector(self) -> Array:
@@ -113,7 +113,7 @@ def draw(kind: str, strength: float, rng: np.random.Generator, seconds: float) -
 
 
 Several = Sequence[tuple[Accident, ...]]
-"""Of each row"""
+"""Accidents of each row"""
 
 
 def of_kind(several: Several, kind: str) -> list[tuple[int, Accident]]:
@@ -122,7 +122,7 @@ def of_kind(several: Several, kind: str) -> list[tuple[int, Accident]]:
 
 
 def strand_slack(several: Several, clock: Array, shape: tuple[int, int, int]) -> Array:
-    """By which strands are longer at running times (R,) [m], (R, 2, 9)."""
+    """Lengths by which strands are longer at running times (R,) [s], (R, 2, 9) [m]."""
     out = np.zeros(shape)
     for n, each in of_kind(several, "loose_strand"):
         out[n, each.part // N_JOINTS, each.part % N_JOINTS] = each.strength * each.since(clock[n])
@@ -130,7 +130,7 @@ def strand_slack(several: Several, clock: Array, shape: tuple[int, int, int]) ->
 
 
 def winch_slip(several: Several, clock: Array) -> Array:
-    """By which winches have turned on their horns [rad], (R, 9)."""
+    """Angles by which winches have turned on their horns at running times (R,) [s], (R, 9) [rad]."""
     out = np.zeros((len(several), N_JOINTS))
     for n, each in of_kind(several, "slipped_winch"):
         out[n, each.part - 1] = each.strength * each.since(clock[n])
@@ -180,7 +180,7 @@ def relax(several: Several, q: Array, rest: Array, h: float) -> None:
 
 
 def camera_delay(several: Several, clock: Array) -> Array:
-    """By how much cameras are late at running times (R,) [s], (R,)."""
+    """Delays of the cameras at running times (R,) [s], (R,) [s]."""
     out = np.zeros(len(several))
     for n, each in of_kind(several, "drifting_clock"):
         out[n] = each.strength * clock[n]
@@ -220,8 +220,8 @@ def loads(several: Several, load: Array, clock: Array) -> Array:
 
 
 def shifts(several: Several, clock: Array, marker: Array, origin: Array, rotation: Array) -> Array:
-    """By which cameras see markers (R, 9, 3) elsewhere [m], (R, 9, 3), with the links' origins (R, 9, 3) and
-    rotations (R, 9, 3, 3).
+    """Displacements with which cameras see markers (R, 9, 3) [m], (R, 9, 3) [m], with the links' origins
+    (R, 9, 3) and rotations (R, 9, 3, 3).
     """
     out = np.zeros((len(several), N_JOINTS, 3))
     for n, each in of_kind(several, "turned_link"):

@@ -97,7 +97,7 @@ class BenchBus(MotorBus):
         return self.machine.seen(origin)[0], self.machine.camera_turn[0] @ rotation[0]
 
     def take_up(self, mass: float, place: float = 0.09) -> None:
-        """From now on the last link carries a mass [kg] more, so far from its joint [m]."""
+        """Put a further mass [kg] on the last link from now on, so far from its joint [m]."""
         payload = Payloads(np.array([mass]), np.array([8]), np.array([place]))
         self.machine.chain = chain([self._arm], payload, self._effects.flexes)
 

@@ -41,7 +41,7 @@ class Chain:
     axis: Array
     """Each hinge's axis in its own frame, (R, H, 3)."""
     step: Array
-    """From each hinge to the next one, in the frame behind the first [m], (R, H, 3)."""
+    """Vector from each hinge to the next one, in the frame behind the first [m], (R, H, 3)."""
     carrier: np.ndarray
     """The hinge behind which a body sits, (B,)."""
     mass: Array

@@ -40,8 +40,8 @@ class Effects:
     """Coefficient c of the pulleys' dry friction: joint i resists its motion by c Σ r_j T_j over the
     cables j ≥ i that wrap it, T_j the sum of the strands' tensions that rub [1]."""
     cable_friction_wrap: float = 0.0
-    """The same by Amontons' law on a strand that bends by |q_i|, so presses on the groove with T dφ:
-    joint i resists by Σ r_j T_j (exp(μ |q_i|) − 1), μ the coefficient [1]."""
+    """Coefficient μ of pulley friction by Amontons' law on a strand that bends by |q_i|, so presses on the
+    groove with T dφ: joint i resists by Σ r_j T_j (exp(μ |q_i|) − 1) [1]."""
     gear_friction: float = 0.0
     """Gearbox loss per load torque |τ| [1], seen in the load reading alone, against the motion."""
     friction_warming: float = 0.0
@@ -57,7 +57,7 @@ class Effects:
     cable_stiffening: float = 0.0
     """1/x₀ of T = k x (1 + x/x₀) [1/m]."""
     cable: int = 0
-    """Of which cable strands creep, stiffen, wear and rub on pulleys, 1 … 9; 0 for all cables."""
+    """Cable whose strands creep, stiffen, wear and rub on pulleys, 1 … 9; 0 for all cables."""
     side: int = 0
     """Which of its strands: 1 for the + strand, −1 for the − strand, 0 for both."""
     clamp_slip: float = 0.0
@@ -71,7 +71,7 @@ class Effects:
     """Compliance of a hinge at each link's middle, about y and about z [rad/(N m)]. The cables run
     through that hinge; the link's marker sits between its two halves."""
     link_twist: float = 0.0
-    """The same about the link's long axis x [rad/(N m)]."""
+    """Compliance of a hinge at each link's middle about the link's long axis x [rad/(N m)]."""
     joint_elasticity: float = 0.0
     """Spring beside each hinge, towards straight [N m/rad]."""
     stiffness_drift: float = 0.0
@@ -88,11 +88,11 @@ class Effects:
     force_threshold: float = 0.2
     """Above which angle the pull acts [rad]."""
     sticking_joint: float = 0.0
-    """By how many times one joint's dry friction is raised inside a window of its angle [1]."""
+    """Increase of one joint's dry friction inside a window of its angle, as a multiple of it [1]."""
     stick_joint: int = 4
     """Which joint, 1 … 9."""
     stick_window: tuple[float, float] = (0.10, 0.25)
-    """From and to which angle [rad]."""
+    """Lower and upper end of the window in which a joint sticks [rad]."""
     load_ripple: float = 0.0
     """Amplitude a of a sin(n m + φ) in one motor's load reading, m its angle [fraction of stall]."""
     ripple_motor: int = 3

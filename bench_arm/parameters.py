@@ -38,7 +38,7 @@ class BenchArm:
     mass_ratio: tuple[float, ...] = (1.0,) * N_JOINTS
     """Each link's mass over the drawn one."""
     axis_tilt: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * N_JOINTS
-    """By how much each hinge's axis leans along its link's x, and across both [rad]."""
+    """Angles by which each hinge's axis leans along its link's x, and across both [rad]."""
     camera_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the cameras see the base's origin [m]."""
     camera_turn: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -25,7 +25,7 @@ class Job:
     arm: BenchArm
     effects: Effects = NONE
     seed: int = 0
-    """Of targets and noise."""
+    """Seed of targets and noise."""
     sessions: int = 4
     steps: int = 1200
     """Control steps of each session."""

@@ -27,9 +27,9 @@ class SessionSpec:
     arm: BenchArm
     effects: Effects
     number: int
-    """Of the session, from 1."""
+    """Number of the session, from 1."""
     seed: int
-    """Of targets and noise, together with the number."""
+    """Seed of targets and noise, together with the session's number."""
     target: Array | None = None
     """Joint targets [rad], (T, 9); random ones if nothing is said"""
     pushes: tuple[Push, ...] = ()

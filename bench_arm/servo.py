@@ -45,7 +45,7 @@ class ServoBatch:
         """Gear friction's torque as a share of its greatest, −1 … 1, positive against + motion."""
         self.command, self.integral = np.zeros(shape), np.zeros(shape)
         self.slip: Array | float = 0.0
-        """By which winches have turned on their horns [rad], or (R, 9)."""
+        """Angles by which winches have turned on their horns [rad], or (R, 9)."""
         self.rubbing: Array | float = 0.0
         """Dry friction beside the gears' own [N m], or (R, 10)."""
 

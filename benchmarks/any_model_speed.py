@@ -43,9 +43,9 @@ class AnyModelSpeed(Checked):
     """Measure a trace of a chain of elastic joints."""
 
     joints: Annotated[int, within(10, 1000)] = 30
-    """Of the chain."""
+    """Joints of the chain."""
     poses: Annotated[int, within(100, 100_000)] = 2000
-    """At rest, in four sessions."""
+    """Poses at rest, in four sessions."""
     rounds: Annotated[int, within(1, 1000)] = 3
     """Times that each pair is measured; the median ratio counts."""
     out: Path | None = None

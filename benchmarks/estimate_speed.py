@@ -98,7 +98,7 @@ def _each(live: Live, session: SessionWindows) -> np.ndarray:
 
 
 def _corrections(train: Windows, session: SessionWindows) -> np.ndarray:
-    """Of the correction alone: what it takes on top of an estimator that costs nothing."""
+    """Times of the correction alone [ms]: what it takes on top of an estimator that costs nothing."""
     residual = _fitted("residual", train)
     alone, online = residual.live(), Online(residual.live())
     rows, seen = list(readings(session.log))[3:], session.marker

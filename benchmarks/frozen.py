@@ -23,9 +23,9 @@ GOLDEN = ROOT / "benchmarks" / "frozen.json"
 MAX_SHIFT = 0.2  # of a strength, in standard errors
 MAX_ERROR_CHANGE = 0.02
 LOG_DIGITS = 1e-6
-"""Of a session log's numbers, relative: another machine may compute other last bits"""
+"""Relative tolerance of a session log's numbers: another machine may compute other last bits"""
 ROUNDING = 1e-5
-"""Of the numbers in the file, relative"""
+"""Relative rounding of the numbers in the file"""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _near(was: float | None, now: float | None, allowed: float) -> bool:
 def _there(
     cases: list[FrozenCase], shared: Path, answers: Mapping[str, Any]
 ) -> Iterator[FrozenCase]:
-    """Those whose logs are there, after a line on the others and one on how long it takes."""
+    """Yield cases whose logs are there, after a line on each of the others and one on how long it takes."""
     missing = {case.name: case.missing(shared) for case in cases}
     for name, folder in missing.items():
         if folder:

@@ -42,9 +42,9 @@ class RightNames(Checked):
 
 
 def chosen(lines: Sequence[ArmLine], count: int, seconds: float = np.inf) -> list[ArmLine]:
-    """So many arms: the quickest of each fault, of as many faults as were traced in so many seconds [s], and
-    the quickest of all others. Of an arm that was traced more than once the last line counts, and arms are
-    built as of this generation.
+    """Choose `count` arms: the quickest of each fault, of as many faults as were traced in so many seconds
+    [s], and the quickest of all others. Of an arm that was traced more than once the last line counts, and
+    arms are built as of this generation.
     """
     last = {(each.seed, each.sessions, each.steps, each.arm): each for each in lines}
     built = [each for each in last.values() if each.generation == GENERATION]

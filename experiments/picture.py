@@ -36,7 +36,7 @@ class View:
     look_at: tuple[float, float, float]
     """World point in the middle of the picture [m]"""
     distance: float
-    """From there to the camera [m]"""
+    """Distance from the point `look_at` to the camera [m]"""
     azimuth: float
     """[deg]"""
     elevation: float

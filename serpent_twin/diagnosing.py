@@ -39,7 +39,7 @@ class Diagnose(Checked):
     discover: bool = True
     """Also compose effects that no catalogue lists, where the named ones leave something."""
     minutes: Annotated[float, within(0.1, 10_000.0, "min")] = 60.0
-    """After so long no further effect is sought; the fit of those found so far is finished."""
+    """Time after which no further effect is sought; the fit of the effects found so far is finished."""
 
 
 def diagnose(config: Diagnose) -> Trace:

@@ -141,7 +141,7 @@ def export_command(path: Positional[Path], out: Path) -> None:
 
 
 def _say_next(path: Path) -> None:
-    """After a look at a folder of logs: train on them, here, if they are enough; else replay one."""
+    """Suggest what follows a look at logs: train on a folder, here, if they are enough; else replay one."""
     here = Path()
     step = next_step.after_logs if path.is_dir() else next_step.replay
     next_step.say(step(path, here))

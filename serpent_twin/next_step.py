@@ -76,7 +76,7 @@ def typed(words: Words) -> str:
 
 
 def after_logs(folder: Path, beside: Path) -> Words | None:
-    """After session logs were written or looked at: train on them; on too few, replay one."""
+    """Next step after session logs were written or looked at: train on them; on too few, replay one."""
     from serpent_twin.sessions import session_files
 
     files = session_files(folder)
@@ -87,8 +87,8 @@ def after_logs(folder: Path, beside: Path) -> Words | None:
 
 
 def after_trace(config: "Trace") -> Words | None:
-    """After a trace of the arm: collect from the corrected twin, at the logs' rate. After one of another
-    machine: take the corrected twin to any MuJoCo program.
+    """Next step after a trace of the arm: collect from the corrected twin, at the logs' rate. After one of
+    another machine: take the corrected twin to any MuJoCo program.
     """
     from serpent_twin.sessions import read_session, session_files
 
@@ -112,7 +112,7 @@ def replay(
 
 
 def after_replay(recording: Path) -> Words:
-    """After a recording was made: look at it; in a browser where there is no display."""
+    """Next step after a recording was made: look at it; in a browser where there is no display."""
     shown = sys.platform != "linux" or {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
     return ["rerun", *([] if shown else ["--serve-web"]), str(recording)]
 

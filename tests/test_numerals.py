@@ -10,7 +10,7 @@ from serpent_twin.numerals import counted, listed
 
 NOUNS = ("sessions", "rows", "windows", "points", "epochs", "files", "frames", "characters", "segments",
          "arms", "runs", "channels", "coordinates")  # fmt: skip
-"""Of what there may be one"""
+"""Nouns of things of which there may be one"""
 
 
 @pytest.mark.parametrize(

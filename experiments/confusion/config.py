@@ -19,7 +19,7 @@ class Confusion(Checked):
     rounds: Annotated[int, within(1, 10_000)] = 10
     """Rounds of the plan: each effect once, two clean arms, a pair, the effects outside the catalogue."""
     trials: Annotated[int, within(0, 1_000_000)] = 0
-    """At most this many of the plan's trials, finished ones included; 0 for all."""
+    """Limit on the plan's trials, finished ones included; 0 for all."""
     only: tuple[str, ...] = ()
     """Only trials with these effects or of these kinds: clean, known, pair, outside; strong: one effect
     alone, far above what is noticed."""

@@ -79,7 +79,7 @@ class Share:
         return float(found.low), float(found.high)
 
     def numbers(self) -> dict[str, Any]:
-        """For results.json."""
+        """Numbers of the share and its interval for results.json."""
         low, high = self.interval
         share = self.count / self.of if self.of else None
         return {"count": self.count, "of": self.of, "share": share, "low": low, "high": high}
@@ -113,7 +113,7 @@ class Limit:
     """The limit in words"""
 
     def numbers(self) -> dict[str, Any]:
-        """For results.json."""
+        """Numbers of the limit and its trials for results.json."""
         trials = [[float(s), bool(c)] for s, c in zip(self.strength, self.correct, strict=True)]
         limit = self.limit if np.isfinite(self.limit) else None
         return {"unit": self.unit, "limit": limit, "said": self.said, "trials": trials,

@@ -133,8 +133,8 @@ def _median(values: Iterable[float]) -> float | None:
 
 
 def _effects(lines: Sequence[ArmLine], every: Sequence[ArmLine]) -> list[dict[str, Any]]:
-    """For each effect of the catalogue: the detection limits that traces stated, whether it was there or
-    not, by the number of sessions; how often it was named, and how far strengths are off.
+    """Detection limits that traces stated for each effect of the catalogue, whether it was there or not, by
+    the number of sessions; how often it was named, and how far strengths are off.
     """
     units = {each.there: each.unit for each in lines if each.unit}
     every = [each for each in every if each.generation >= BY_FIT]
@@ -162,14 +162,14 @@ def _effects(lines: Sequence[ArmLine], every: Sequence[ArmLine]) -> list[dict[st
 
 
 def _named_from(lines: Sequence[ArmLine]) -> str:
-    """From how many times its stated detection limit on `NAMED` of all effects are named, in words."""
+    """Multiple of its stated detection limit from which on `NAMED` of all effects are named, in words."""
     known = sorted((x.of_limit, x.right) for x in lines if np.isfinite(x.of_limit))
     times, right = np.array(known).reshape(-1, 2).T
     return detection_limit(times, right.astype(bool), "1", NAMED)[1]
 
 
 def _outside(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
-    """For each fault outside the catalogue: how often it was discovered, and what was then left."""
+    """Rate of discovery of each fault outside the catalogue, and what was then left."""
     out = []
     for name in sorted({each.there for each in lines}):
         some = [each for each in lines if each.there == name]
@@ -203,8 +203,8 @@ def _called(lines: Sequence[ArmLine]) -> list[list[Any]]:
 
 
 def _track(lines: Sequence[ArmLine]) -> dict[str, dict[str, int]]:
-    """For each name that was given: how often it was given, and how often it was right; a discovered law
-    must be the right one at its place.
+    """Counts of each name that was given: how often it was given, and how often it was right; a discovered
+    law must be the right one at its place.
     """
     given, right = Counter[str](), Counter[str]()
     for each in lines:
@@ -217,7 +217,7 @@ def _track(lines: Sequence[ArmLine]) -> dict[str, dict[str, int]]:
 
 
 def _commits(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
-    """For each commit: arms, and how many were right."""
+    """Arms of each commit, and how many were right."""
     out = []
     for commit in dict.fromkeys(each.commit for each in lines):
         some = [each for each in lines if each.commit == commit]

@@ -14,15 +14,15 @@ class Metric:
     """How large errors are."""
 
     name: str
-    """In results.json"""
+    """Name in results.json"""
     short: str
-    """In a table"""
+    """Name in a table"""
     words: str
-    """On an axis"""
+    """Name on an axis"""
     unit: str
     """Unit in which people read it"""
     size: Callable[[Array], float]
-    """In that unit, of errors (..., C) of all C coordinates in rad or m; NaN where nothing was measured"""
+    """Size, in `unit`, of errors (..., C) of all C coordinates in rad or m; NaN where nothing was measured"""
 
     def of(self, compared: Comparison) -> float:
         """A twin's error: that of the last marker, be it a tip or the only angle."""

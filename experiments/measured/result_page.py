@@ -141,7 +141,7 @@ def _lacked(each: Mapping[str, Any]) -> str:
 
 
 def _left(found: Found) -> str:
-    """On what the errors that are left depend."""
+    """Sentences on what the errors that are left depend on."""
     told = [
         f"{name}, judged by {_names(each['held_out'])}: {each['unexplained']}"
         for name, of in found.items()

@@ -24,7 +24,7 @@ class Asked:
     splits: list[Split]
     """Splits of the machine as it was; with --held-out, what judges may be otherwise"""
     changed: list[Log]
-    """After something may have been changed"""
+    """Runs after something may have been changed"""
 
 
 def asked(data: Path, held_out: str = "") -> dict[str, Asked]:

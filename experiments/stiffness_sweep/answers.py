@@ -181,7 +181,7 @@ def soft_and_consistency(rows: Rows) -> Answer:
 
 
 def analytical_fastest(rows: Rows) -> Answer:
-    """As strands soften, the analytical error grows by a greater factor than that of any other readout."""
+    """The analytical error grows by a greater factor than that of any other readout as strands soften."""
     others = [name for name in steady_readouts(rows[GRID]) if name != "analytical"]
     stack = {name: values(rows[GRID], error_of(name)) for name in ("analytical", *others)}
     decade = np.log10(sorted({row.stiffness for row in rows[GRID]}))

@@ -29,9 +29,9 @@ class CableLaw:
     """One cable's law, with standard errors: stiffnesses, slacks, winch ratio, gear friction."""
 
     stiffness: tuple[float, float]
-    """Of the + and the − strand [N/m]"""
+    """Stiffnesses of the + and the − strand [N/m]"""
     slack: tuple[float, float]
-    """Of the + and the − strand [m]"""
+    """Slacks of the + and the − strand [m]"""
     winch: float
     """Winch radius over pulley radius, minus one [1]"""
     gear_friction: float

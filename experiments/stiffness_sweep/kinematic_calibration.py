@@ -33,11 +33,11 @@ class Kinematics:
     """What was found."""
 
     deviations: Deviations
-    """Of markers, lengths, axes and cameras"""
+    """Deviations of markers, lengths, axes and cameras"""
     marker_error: Array
     """Standard errors of the markers' places [m], (9, 3)"""
     rms: float
-    """Of what no rigid arm explains [m]"""
+    """Root mean square of the marker errors that no rigid arm explains [m]"""
 
 
 def calibrate(marker: Array, start: Array) -> Kinematics:

@@ -9,7 +9,7 @@ from serpent_twin.errors import SerpentError
 HOLD = 5
 """Control steps for which one target stands (P)."""
 TARGET_COLUMNS = tuple(f"joint_target_{j}" for j in range(1, N_JOINTS + 1))
-"""Of a file of joint targets"""
+"""Column names of a file of joint targets"""
 
 
 def random_targets(steps: int, rng: np.random.Generator, arm: Arm = ARM, hold: int = HOLD) -> Array:

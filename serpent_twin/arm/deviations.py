@@ -26,7 +26,7 @@ _Length = Annotated[float, within(-0.3, 0.3)]
 _Tilt = Annotated[float, within(-0.3, 0.3, "rad")]
 """Beyond that, joints do not turn about y and z in turn"""
 _Pose = Annotated[float, within(-0.5, 0.5)]
-"""Of the cameras: more is another frame"""
+"""Shift [m] or turn [rad] of the cameras: more is another frame"""
 _Offset = Annotated[float, within(-0.1, 0.1, "m")]
 """Most links are 55 mm long"""
 Strands = Annotated[tuple[_Log, ...], many(N_STRANDS)]
@@ -55,17 +55,17 @@ class Deviations:
     joint_damping: Joints = (0.0,) * N_JOINTS
     """Logarithm of each hinge's viscous damping over the nominal one [1]"""
     winch_radius: Annotated[tuple[_Share, ...], many(N_MOTORS)] = (0.0,) * N_MOTORS
-    """By how much each winch is larger than its cable's other pulleys, as a share [1]"""
+    """Relative excess of each winch's radius over that of its cable's other pulleys [1]"""
     gear_friction: Motors = (0.0,) * N_MOTORS
     """Logarithm of each gearbox's friction over the nominal one [1]"""
     marker: Annotated[tuple[_Offset, ...], many(3 * N_JOINTS)] = (0.0,) * (3 * N_JOINTS)
     """Added to the markers' places in their link frames [m]: x, y, z of marker 1, 2, …"""
     link_length: Annotated[tuple[_Length, ...], many(N_JOINTS)] = (0.0,) * N_JOINTS
-    """By how much each link is longer than drawn, as a share [1]"""
+    """Relative excess of each link's length over the drawn one [1]"""
     link_mass: Joints = (0.0,) * N_JOINTS
     """Logarithm of each link's mass over the drawn one [1]"""
     axis_tilt: Annotated[tuple[_Tilt, ...], many(2 * N_JOINTS)] = (0.0,) * (2 * N_JOINTS)
-    """By how much each joint's axis leans along its link, and across both [rad], joint 1's first"""
+    """Tilt of each joint's axis along its link, and across link and axis [rad], joint 1's first"""
     camera_pose: Annotated[tuple[_Pose, ...], many(6)] = (0.0,) * 6
     """Where the cameras see the base: its shift [m], and its turn as a rotation vector [rad]"""
 

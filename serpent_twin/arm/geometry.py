@@ -93,7 +93,7 @@ class Arm:
     """The jaw moves within ± this [rad]. A"""
     servo: Servo = Servo()
     axis_tilt: tuple[float, ...] = (0.0,) * (2 * N_JOINTS)
-    """By how much each joint's axis leans along its link, and across both [rad], joint 1's first"""
+    """Tilt of each joint's axis along its link, and across link and axis [rad], joint 1's first"""
     camera_pose: tuple[float, ...] = (0.0,) * 6
     """Where the cameras see the base: its shift [m], and its turn as a rotation vector [rad]"""
 

@@ -36,11 +36,11 @@ class Part:
     body: str
     """The body that carries it: base, motor1 … motor10, link1 … link9, jaw"""
     mesh: trimesh.Trimesh
-    """In the body's frame [m]"""
+    """Surface of the part in the body's frame [m]"""
     rgba: tuple[float, float, float, float]
     """Colour"""
     density: float
-    """Of its material [kg/m³]; 0 for what is weighed as a whole or not at all"""
+    """Density of the part's material [kg/m³]; 0 for what is weighed as a whole or not at all"""
 
 
 def parts(arm: Arm) -> list[Part]:

@@ -35,7 +35,7 @@ class Pulley:
     """A cylinder that a strand lies on, in the frames of the bodies before and after its axle."""
 
     name: str
-    """Of the wrapping geom"""
+    """Name of the wrapping geom"""
     before: str
     """Body that the strand comes from"""
     after: str
@@ -45,9 +45,9 @@ class Pulley:
     height: float
     """Middle of the pulley along the axis in the frame after [m]"""
     axis: Array
-    """Of the axle, (3,), in both frames"""
+    """Direction of the axle, (3,), in both frames"""
     radius: float
-    """Of the cable's path [m]"""
+    """Radius of the cable's path [m]"""
 
     def point(self, side: float, angle: ArrayLike, after: bool, groove: float = 0.0) -> Array:
         """Points (..., 3) just off the pulley, `angle` from where a straight strand touches it.

@@ -24,7 +24,7 @@ from serpent_twin.hardware.xl430 import TURN, Words
 from serpent_twin.stored import within
 
 STILL = 2
-"""By how much a motor may waver and count as still [counts]."""
+"""Largest range of a motor's position at which it counts as still [counts]."""
 
 
 @dataclass(frozen=True)

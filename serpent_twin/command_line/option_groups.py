@@ -38,7 +38,7 @@ class _Option:
 
     @property
     def name(self) -> str:
-        """As its flag has it, with underscores."""
+        """Name of the option as its flag has it, with underscores."""
         return self.path[-1]
 
 
@@ -49,7 +49,7 @@ def about(main: Callable[..., Any]) -> str:
 
 
 def grouped(main: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """The same command with its config's options in groups.
+    """Wrap a command so that its config's options are in groups.
 
     Options without a group stand under `NAME options`, with what is said of the command besides its first
     paragraph.

@@ -37,11 +37,11 @@ class Use:
     """When a field, or a group of options in it, is used; for `Annotated`."""
 
     hindrance: Callable[[Any], str]
-    """Of the config: why the run would ignore what is given, to follow the flag; empty if it does not."""
+    """Why a run with the config would ignore what is given, as text after the flag; empty if it does not."""
     only: tuple[str, ...] = ()
     """The options of the group that this is about; all without."""
     but: tuple[str, ...] = ()
-    """Those of the group that this is not about."""
+    """The options of the group that this is not about."""
 
     def about(self, name: str) -> bool:
         """Whether this is about an option of that name."""
@@ -82,15 +82,15 @@ class Option:
     """One option of a command."""
 
     name: str
-    """Of its field"""
+    """Name of the option's field"""
     value: Any
-    """In this config"""
+    """Value of the option in this config"""
     default: Any
     """MISSING for one that must be given"""
     whole: bool
     """Whether its numbers are whole ones"""
     limits: tuple[Meta, ...]
-    """Of its number, or of each of its numbers: `within`"""
+    """Bounds of the option's number, or of each of its numbers: `within`"""
     uses: tuple[tuple[Use, Any], ...]
     """When it is used, each with the config that declares it"""
 
@@ -136,7 +136,7 @@ def options_of(config: Any) -> Iterator[Option]:
 
 
 def used_only(config: C) -> C:
-    """The same config, with options of its own that it ignores as they are by default."""
+    """Copy a config, with those of its own options that it ignores set to their defaults."""
     own = {each.name for each in fields(config)}
     ignored = {o.name: o.default for o in options_of(config) if o.given and o.hindrance}
     return replace(config, **{name: value for name, value in ignored.items() if name in own})

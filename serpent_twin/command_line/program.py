@@ -30,7 +30,7 @@ def started_by(typed: str) -> Iterator[None]:
 
 
 def as_started(text: str) -> str:
-    """The same text, its commands such as `python -m serpent_twin.trace` as the user would type them."""
+    """Rewrite commands in a text, such as `python -m serpent_twin.trace`, as the user would type them."""
     if not _started:
         return text
     return _DOTTED.sub(lambda found: f"{_started[0]} {found[1].replace('.', ' ')}", text)

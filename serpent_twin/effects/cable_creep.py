@@ -26,12 +26,12 @@ class CableCreep(OnStrands):
     time: float = parameter("s", low=5.0, high=1000.0, typical=60.0, default=60.0)
     """τ [s]"""
     strand: float = on_strands()
-    """On which strands, as `on_strands` counts them; −1 for all"""
+    """Number of the strand or cable that creeps, as `on_strands` counts them; −1 for all"""
 
     shows_in = "error that builds up over a minute while a pose is held, and recovers"
     places = ("tendon", "actuator")
     confused_with = ("cable_stiffening", "clamp_slip", "stiffness_drift")
-    simplified = 0.05
+    model_error = 0.05
     remembers = True
 
     def start(self, moment: Any) -> Array:

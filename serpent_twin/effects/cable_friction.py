@@ -15,7 +15,7 @@ from serpent_twin.effects.presliding import give_way
 from serpent_twin.effects.strands import OnStrands, on_strands
 
 _STICKS = 1e-9
-"""As good as at rest [rad/s]"""
+"""Velocity that is as good as at rest [rad/s]"""
 
 
 @dataclass(frozen=True)
@@ -40,18 +40,18 @@ class CableFriction(OnStrands):
     presliding: float = parameter("rad/(N m)", high=0.5, typical=0.005, before=0.0)
     """Compliance of a hinge that this friction and its own hold [rad/(N m)]; at zero it holds rigidly"""
     strand: float = on_strands()
-    """On which strands, as `on_strands` counts them; −1 for all"""
+    """Number of the strand or cable that rubs, as `on_strands` counts them; −1 for all"""
 
     shows_in = "lag behind the motors that grows with the cables' tension, and loads"
     places = ("tendon",)
     confused_with = ("gear_backlash", "gear_friction")
-    simplified = 0.05
+    model_error = 0.05
     remembers = False
     stage = LOSS
 
     @classmethod
     def variants(cls) -> Several:
-        """By the tension alone, and by the bend."""
+        """Typical instances: friction by the tension alone, and by the bend."""
         known = ranges(cls)
         creeps, gives = (known[n].typical for n in ("transition_velocity", "presliding"))
         return (

@@ -21,12 +21,12 @@ class CableStiffening(Effect):
     rate: float = parameter("1/m", high=1.5e3, typical=500.0)
     """b [1/m]"""
     strand: float = on_strands()
-    """On which strands, as `on_strands` counts them; −1 for all"""
+    """Number of the strand or cable that stiffens, as `on_strands` counts them; −1 for all"""
 
     places = ("tendon",)
     shows_in = "error that grows with tension, less than in proportion"
     confused_with = ("cable_creep", "joint_elasticity")
-    simplified = 0.05
+    model_error = 0.05
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Give the strands' springs their second coefficient."""

@@ -30,12 +30,12 @@ class ClampSlip(OnStrands):
     grip: float = parameter("N", high=60.0, typical=3.0, default=3.0)
     """[N]"""
     strand: float = on_strands(before=None)
-    """Whose clamps, as `on_strands` counts them; −1 for all"""
+    """Number of the strand or cable whose clamps slip, as `on_strands` counts them; −1 for all"""
 
     shows_in = "error that jumps or grows when a strand is pulled hard, and stays"
     places = ("tendon",)
     confused_with = ("cable_creep", "stiffness_drift")
-    simplified = 0.05
+    model_error = 0.05
     remembers = True
 
     def start(self, moment: Any) -> Array:

@@ -36,7 +36,7 @@ class ConstantForce(Effect):
 
     @classmethod
     def variants(cls) -> Several:
-        """At the end of the arm, and in its middle."""
+        """Typical forces at the end of the arm, and in its middle."""
         return tuple(cls(0.2, 0.2, 0.2, place) for place in (0.5, 0.25))
 
     def edit(self, spec: mujoco.MjSpec) -> None:

@@ -36,13 +36,13 @@ class Discovered(Effect):
     """
 
     size: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
-    """In the unit of what is changed, or that per unit of the reading"""
+    """Size of the change, in its unit or in that per unit of the reading; of a vector, its x"""
     size_y: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
-    """Of a vector's y"""
+    """Size of the change along a vector's y"""
     size_z: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
-    """Of a vector's z"""
+    """Size of the change along a vector's z"""
     stiffness: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0, before=0.0)
-    """Of a spring [N/m]; its vector is the force where its body is at the base's origin"""
+    """Stiffness of a spring [N/m]; its vector is the force where its body is at the base's origin"""
     first: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
     """First parameter of the law"""
     second: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
@@ -85,7 +85,7 @@ class Discovered(Effect):
 
     @property
     def acts_at(self) -> int:
-        """By what its law changes."""
+        """Stage at which it acts, by what its law changes."""
         return {READING_SHIFT: READING, ACTUATOR_COMMAND: WINDING}.get(self.law.handle, self.stage)
 
     @property

@@ -31,7 +31,7 @@ class Range:
     before: float | None = None
     """What holds in files that were written before it was a parameter; None: every file has it"""
     within: Callable[[float], tuple[float, ...]] | None = None
-    """Of a parameter that is a place: the places within one, such as the cables of an arm"""
+    """Places within a place, such as the cables of an arm, for a parameter that is one"""
     adds_to: str = ""
     """The field of MJCF that it adds to where its effect is, such as `joint.stiffness.2`"""
     limit: str = ""
@@ -48,7 +48,7 @@ class Range:
 
     @property
     def anywhere(self) -> "Range":
-        """The same for a machine of any size: of the same sign, and finite."""
+        """Range for a machine of any size: of the same sign, and finite."""
         low = -_ANY if self.low < 0 else min(self.low, 1 / _ANY)
         return replace(self, low=low, high=_ANY)
 
@@ -59,7 +59,7 @@ class Range:
 
     @property
     def limit_begins(self) -> float:
-        """From where on a value is the law of the high end; infinite without such a law."""
+        """Value from which on the law of the high end holds; infinite without such a law."""
         return _NEARLY * self.high if self.limit and self.fitted else float("inf")
 
 
@@ -111,7 +111,7 @@ class Effect:
     """Names of effects that look like it."""
     remembers: ClassVar[bool] = False
     """Whether its memory outlasts a segment, so that sessions are run through; to be said of a memory."""
-    simplified: ClassVar[float] = 0.01
+    model_error: ClassVar[float] = 0.01
     """Relative standard error of its parameters for what its law simplifies (type B: JCGM 100, 4.3);
     independent arms were off by as much."""
     stage: ClassVar[int] = CABLE
@@ -165,7 +165,7 @@ class Effect:
 
     @property
     def sites_later(self) -> float:
-        """By how long what sites show in a row is later than what drives the machine there [s]."""
+        """Time by which what sites show in a row is later than what drives the machine there [s]."""
         return 0.0
 
     @property
@@ -231,7 +231,7 @@ class Effect:
 
 
 Several = tuple[Effect, ...]
-"""At most one of each kind."""
+"""Effects, at most one of each kind."""
 
 
 @cache

@@ -19,12 +19,12 @@ class FreePlay(Effect):
     """
 
     gap: float = parameter("rad", high=0.3, typical=0.02)
-    """From one flank to the other [rad]"""
+    """Gap from one flank to the other [rad]"""
 
     places = ("actuator",)
     shows_in = "joints that fall or swing a little where their load changes sign"
     confused_with = ("gear_backlash", "joint_elasticity")
-    simplified = 0.05  # flanks give and bounce
+    model_error = 0.05  # flanks give and bounce
 
     def act(self, moment: Any, memory: None) -> None:
         """Take up the gap."""

@@ -21,7 +21,7 @@ class GearBacklash(Effect):
     """
 
     gap: float = parameter("rad", high=0.3, typical=0.02)
-    """From one flank to the other [rad]"""
+    """Gap from one flank to the other [rad]"""
 
     places = ("actuator", "joint")
     shows_in = "joints that start late after each reversal of a motor, at every load"

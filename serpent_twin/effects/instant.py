@@ -29,18 +29,18 @@ class Instant:
     held_as: ClassVar[Mapping[str, str]] = {}
     """The fields of those quantities that have another name here"""
     kinds: ClassVar[Mapping[str, str]] = {}
-    """Of which kind of thing fields are"""
+    """Kind of thing that each field is of"""
     usual_kind: ClassVar[str] = ""
-    """And all others"""
+    """Kind of thing of the fields that `kinds` lacks"""
     has_places: ClassVar[bool] = False
     """Whether effects may be at one thing"""
 
     names: Mapping[str, Sequence[str]]
-    """Of the things of each kind"""
+    """Names of the things of each kind"""
     time: Array
-    """Since the session began [s], (n, 1)"""
+    """Time since the session began [s], (n, 1)"""
     prior_runtime: Any
-    """From the beginning of the log to that of the session [s], or (n, 1)"""
+    """Time from the beginning of the log to that of the session [s], a scalar or (n, 1)"""
 
     @classmethod
     def of(cls, **fields: Any) -> Self:

@@ -21,7 +21,9 @@ def lagging(memory: Array, x: Array, time_constant: Array | float, dt: Array | f
 
 
 def lagging_from_rest(x: Array, rate: Array, time_constant: Array | float) -> Array:
-    """The same where x has moved at a rate [1/s] for half a second, after it had rested."""
+    """Value that follows x with a time constant [s], where x has moved at a rate [1/s] for half a second,
+    after it had rested.
+    """
     return np.array(x - rate * time_constant * _forgotten(_MOVED, time_constant))
 
 

@@ -20,7 +20,7 @@ class LawQuantity:
     """What a law may follow or change at places of one kind."""
 
     kind: str
-    """Of place: joint, actuator, tendon, body, sensor or frame; of a clock session or machine"""
+    """Kind of place: joint, actuator, tendon, body, sensor or frame; for a clock, session or machine"""
     unit: str
     components: int = 1
     """1, 3 for a vector, or 4 for a spring: the force at the base's origin [N], and the stiffness [N/m]"""
@@ -118,7 +118,7 @@ QUANTITIES: Mapping[str, LawQuantity] = {
     "time": LawQuantity("session", "s", followed=True),
     "runtime": LawQuantity("machine", "s", followed=True),
 }
-"""By name, which is that of the moment's quantity"""
+"""Quantities that laws change or follow, by name, which is that of the moment's quantity"""
 HANDLES = {name: each for name, each in QUANTITIES.items() if each.words}
 """What laws change"""
 READINGS = {name: each for name, each in QUANTITIES.items() if each.followed}
@@ -136,9 +136,9 @@ class Law:
     shape: str = "constant"
     """How, of `SHAPES`"""
     reading: str = ""
-    """On what, of `READINGS`; empty for a constant"""
+    """Reading that it follows, of `READINGS`; empty for a constant"""
     where: str = ""
-    """And of which place"""
+    """Place of the reading that it follows; empty for a constant"""
 
     def __str__(self) -> str:
         follows = f" {self.reading} of {self.where}" if self.reading else ""
@@ -167,7 +167,7 @@ class Law:
 
     @property
     def rate(self) -> "Law | None":
-        """The same with the rate of its reading, if that is a reading, too."""
+        """Law with the rate of this law's reading as its own, if that is a reading, too; else None."""
         rate = READINGS[self.reading].rate if self.reading else ""
         return replace(self, reading=rate) if rate else None
 

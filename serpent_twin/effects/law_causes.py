@@ -11,23 +11,23 @@ class LawForm(Enum):
 
     ALWAYS = auto()
     ONCE = auto()
-    """From an instant on"""
+    """Change from an instant on"""
     SLOWLY = auto()
-    """With time"""
+    """Change with time"""
     SWINGING = auto()
-    """To and fro with time"""
+    """Oscillation with time"""
     WAVES = auto()
-    """To and fro with an angle"""
+    """Oscillation with an angle"""
     PLAY = auto()
-    """After each reversal"""
+    """Change after each reversal"""
     LATE = auto()
-    """By what follows late"""
+    """Change by what follows a reading late"""
     MOVING = auto()
-    """With a speed"""
+    """Change with a speed"""
     THERE = auto()
-    """Within, above or below something"""
+    """Change within, above or below something"""
     GROWING = auto()
-    """With an angle, a place or a force"""
+    """Change with an angle, a place or a force"""
 
 
 _RAMPS = ("linear", "beyond", "below")

@@ -24,18 +24,18 @@ class Dragging:
     after: Callable[[Array, Array, Array | float, Array | float], Array]
     """Where it is then, from where it was, x, the parameter and the time in between [s]"""
     along: Callable[[Array, Array, float, float], Array]
-    """The same in rows of runs, (…, T), from x in these, where it is in the first, the parameter and the time
-    between rows [s]
+    """Values of what follows x in rows of runs, (…, T), from x in these, its value in the first, the
+    parameter and the time between rows [s]
     """
     words: str
     """What is followed, with {x}"""
     readings: tuple[str, ...]
-    """Of what"""
+    """Names of the readings x that may be followed"""
     lasting: bool = False
     """Whether it remembers so long that what was before a short segment counts"""
 
     def behind(self, x: Array, first: float, dt: float) -> Array:
-        """By how much it is behind x in rows of runs, (…, T), dt [s] apart."""
+        """Value of what follows x, minus x, in rows of runs, (…, T), dt [s] apart."""
         rate = (x[..., min(1, x.shape[-1] - 1)] - x[..., 0]) / dt
         return self.along(x, self.begins(x[..., 0], rate, first), first, dt) - x
 
@@ -49,9 +49,9 @@ class LawShape:
     parameters: tuple[str, ...] = ()
     """Names of the parameters"""
     words: str = ""
-    """With {x} for the reading, {first} and {second}"""
+    """Description, with {x} for the reading, and {first} and {second} for the parameters"""
     plain: str = ""
-    """The same without numbers, where the words have some"""
+    """Description without numbers, where `words` has some"""
     drags: Dragging | None = None
     """How what the reading drags along remembers, where the change follows by how much that is behind"""
 

@@ -34,7 +34,7 @@ class LinkFlex(Effect):
     """
 
     compliance: float = parameter("rad/(N m)", high=0.2, typical=0.03)
-    """Of bending [rad/(N m)]"""
+    """Compliance of bending [rad/(N m)]"""
     twist: float = parameter("rad/(N m)", high=3.0, typical=0.06, before=0.0)
     """Compliance of twisting [rad/(N m)]"""
 

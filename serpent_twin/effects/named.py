@@ -41,7 +41,7 @@ class GearFriction(Effect):
     places = ("joint",)
     shows_in = "loads that jump at each reversal by more, the more a motor carries"
     confused_with = ("cable_friction", "friction_warming")
-    simplified = 0.05
+    model_error = 0.05
     stage = LOSS
     law = "gear_friction: magnitude horn_torque"
 
@@ -64,7 +64,7 @@ class FrictionWarming(Effect):
     shows_in = "loads that jump at each reversal by less and less, anew in each session"
     places = ("joint",)
     confused_with = ("gear_friction",)
-    simplified = 0.05
+    model_error = 0.05
     stage = LOSS
     law = "gear_friction: fading time"
 

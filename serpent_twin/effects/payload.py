@@ -35,7 +35,7 @@ class Payload(Effect):
 
     @classmethod
     def variants(cls) -> Several:
-        """In the gripper, and on links 8, 6, 4 and 2, where more is needed to show as much."""
+        """Typical masses in the gripper, and on links 8, 6, 4 and 2, where more is needed to show as much."""
         further = tuple(cls(0.1, place=p) for p in (-0.03, -0.14, -0.25, -0.36))
         return (cls(0.03), *further)
 

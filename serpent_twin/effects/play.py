@@ -15,7 +15,9 @@ def dragged(memory: Array, x: Array, gap: Array | float) -> Array:
 
 
 def dragged_from_afar(x: Array, direction: Array, gap: Array | float) -> Array:
-    """The same where x came from afar in a direction; in the middle of the play where it is 0."""
+    """Value that x drags along through a play of some width, where x came from afar in a direction; in the
+    middle of the play where the direction is 0.
+    """
     return np.array(x - np.asarray(gap) / 2 * np.sign(direction))
 
 

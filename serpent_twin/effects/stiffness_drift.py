@@ -28,7 +28,7 @@ class StiffnessDrift(OnStrands):
     carries: float = parameter("1", high=1.0, typical=0.0, fitted=False)
     """0: recovers between sessions; 1: carries over"""
     strand: float = on_strands()
-    """On which strands, as `on_strands` counts them; −1 for all"""
+    """Number of the strand or cable that softens, as `on_strands` counts them; −1 for all"""
 
     shows_in = "sag and lag that grow evenly from beginning to end of a session, or of all"
     places = ("joint", "tendon")

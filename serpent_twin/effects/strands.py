@@ -11,7 +11,7 @@ from serpent_twin.effects.effect import Effect, Range, parameter
 from serpent_twin.errors import SerpentError
 
 ALL = -1.0
-"""In place of a strand's number: all are alike."""
+"""Value in place of a strand's number: all strands are alike."""
 N_CABLES = 10
 """Cables of the arm, of which `strand` is a number"""
 N_STRANDS = 2 * N_CABLES

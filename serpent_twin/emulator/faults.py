@@ -66,7 +66,7 @@ class Fault:
     rate: float = 1.0
     """Probability for each of what it strikes [1]"""
     motor: int | None = None
-    """From 1; none for any"""
+    """Number of the motor, from 1; None for any"""
     seconds: float = inf
 
     @classmethod

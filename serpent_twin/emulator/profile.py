@@ -25,7 +25,7 @@ class Phase:
     duration: float
     """[s]"""
     velocity: float
-    """At its beginning"""
+    """Velocity at the phase's beginning"""
     acceleration: float = 0.0
 
     def after(self, elapsed: float) -> tuple[float, float]:
@@ -61,7 +61,7 @@ class Profile:
         return self.goal + self.final * elapsed, self.final
 
     def shifted(self, distance: float) -> "Profile":
-        """The same trajectory, a distance further on."""
+        """Shift the trajectory by a distance."""
         return replace(self, start=self.start + distance, goal=self.goal + distance)
 
 

@@ -42,7 +42,7 @@ class Voice:
 
     @classmethod
     def of(cls, table: ControlTable) -> "Voice":
-        """As it is now."""
+        """Read how a servo answers now from its control table."""
         delay = table["return_delay_time"] * _DELAY_UNIT
         return cls(table["id"], table["status_return_level"], delay, BAUD_RATES[table["baud_rate"]])
 

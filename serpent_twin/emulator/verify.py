@@ -15,7 +15,7 @@ from serpent_twin.stored import contents, parse_json
 STALE = 0.03
 """Between the time in a row and the time when the device was read [s]."""
 MOST_BYTES = 1_000_000_000
-"""Of a transcript"""
+"""Largest size of a transcript [bytes]"""
 Event = dict[str, Any]
 
 

@@ -9,11 +9,11 @@ from serpent_twin.arrays import Array
 from serpent_twin.engine.actuators import dense
 
 _EXCHANGES = 20
-"""Of sliding for sticking"""
+"""Most exchanges of sliding for sticking"""
 _SURE = 1e-12
-"""Of a limit or a way, below which rounding decides"""
+"""Fraction of a limit or a displacement below which rounding decides"""
 _ROUNDING = 1e-9
-"""Of the largest way in which things slip together"""
+"""Floor of the eigenvalues of the slip compliance, as a fraction of the largest"""
 
 
 class DryFriction:

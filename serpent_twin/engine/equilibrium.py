@@ -15,7 +15,7 @@ from serpent_twin.errors import SerpentError
 
 _POSITIONS = int(mujoco.mjtStage.mjSTAGE_POS)
 _DIFFERENCE = 1e-6
-"""Of a coordinate, for the stiffness [rad or m]"""
+"""Step of a coordinate in the finite differences for the stiffness [rad or m]"""
 _FINE = 1e-6
 """Newton step below which a pose rests [rad or m]"""
 _REACH = 0.2
@@ -27,7 +27,7 @@ _AGAIN = 3
 _MOST = 80
 """Steps with a stiffness of their own"""
 _TURNED, _HALVINGS = 0.1, 14
-"""Of the force along a step at its beginning, which one that has turned round exceeds; times that the step to
+"""Fraction of the force along a step at its beginning that a reversed force exceeds; times that the step to
 there is halved: of a step of 0.2 rad, to less than a hundredth of a threshold's width
 """
 _CAUTIOUS = 0.5
@@ -37,7 +37,7 @@ _SLOWER, _FASTER, _SETTLED = 0.2, 10.0, 1e3
 _NO_WORSE = 2.0
 """Least change where a step leaves less force than the one before"""
 _LEAST = 1e-3
-"""Of the largest friction against which a pose creeps: what each coordinate has at least"""
+"""Least friction against which a coordinate creeps, as a fraction of the pose's largest"""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class GivingWay:
     """How far each actuator's length moves with each coordinate [m/rad or 1], (n, nu, nv)"""
 
     def of(self, which: slice | NDArray[np.intp]) -> "GivingWay":
-        """The same of some of the poses."""
+        """Select some of the poses."""
         return GivingWay(self.inverse[which], self.pulls[which], self.arms[which])
 
 

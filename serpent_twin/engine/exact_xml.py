@@ -13,7 +13,7 @@ import mujoco
 _DIGITS = 15
 """All that a double surely holds (IEEE 754), so that 0.1 stays 0.1"""
 _GET, _SET = "_mjPRIVATE__get_xml_precision", "_mjPRIVATE__set_xml_precision"
-"""Of MuJoCo 3.17; where its library lacks them, numbers have the six digits of its default"""
+"""Getter and setter of digits in MuJoCo 3.17; where its library lacks them, numbers have its default, six"""
 
 
 def to_xml(spec: mujoco.MjSpec, folder: Path) -> str:

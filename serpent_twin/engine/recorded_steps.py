@@ -27,7 +27,7 @@ class RecordedSteps:
         """The step amid each part, (P,)"""
         self.position, self.velocity, self.acceleration = np.zeros((3, n, rows, per_row, nv))
         self.length = np.zeros((n, rows, per_row, batch.model.ntendon))
-        """Of tendons [m or rad]"""
+        """Lengths of the tendons [m or rad], (n, rows, K, ntendon)"""
         of = [each.reshape(n, -1).shape[1] for each in self._more]
         self.act, self.ctrl, self.history, self.time, self.equality = (
             np.zeros((n, rows, parts, size)) for size in of

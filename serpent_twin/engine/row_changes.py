@@ -31,18 +31,20 @@ class RowChanges:
     rates and activations of n free degrees of freedom.
     """
 
-    goes_on: Array
-    """By the states, (S, R, D, D)"""
+    A: Array
+    """Change of the next row's state by the states, (S, R, D, D)"""
     by_force: Array
-    """By a force on each degree of freedom during each of P parts of the row, (n, P, S, R, D)"""
+    """Change of the next row's state by a force on each degree of freedom during each of P parts of the row,
+    (n, P, S, R, D)
+    """
     by_friction: Array
-    """By dry friction of each degree of freedom, (n, S, R, D)"""
+    """Change of the next row's state by dry friction of each degree of freedom, (n, S, R, D)"""
     by_slack: Array
-    """By the slack of each tendon with a spring, (L, S, R, D)"""
+    """Change of the next row's state by the slack of each tendon with a spring, (L, S, R, D)"""
     by_command: Array
-    """By what each actuator is commanded, (nu, S, R, D)"""
+    """Change of the next row's state by each actuator's command, (nu, S, R, D)"""
     by_friction_of: Array
-    """By dry friction as other twins have it, (Q, S, R, D)"""
+    """Change of the next row's state by dry friction as other twins have it, (Q, S, R, D)"""
     inertia: Array
     """Inertia of all degrees of freedom in each part of a row, (P, S, R, nv, nv)"""
     passive: Array
@@ -73,7 +75,7 @@ class RowChanges:
         sizes = [rows.D, n * P, n, rows.tendons, models[0].nu]
         states, force, friction, slack, command, others_have = np.split(out, np.cumsum(sizes))
         return cls(
-            goes_on=np.moveaxis(states, 0, -1),
+            A=np.moveaxis(states, 0, -1),
             by_force=force.reshape(n, P, S, R, rows.D),
             by_friction=friction,
             by_slack=slack,

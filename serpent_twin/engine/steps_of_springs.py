@@ -19,9 +19,9 @@ class StretchedSprings:
     arms: Array
     """Derivatives of the tendons' lengths by the degrees of freedom, (P, N, L, n)"""
     stiffness: Array
-    """In each time step [N/m], (N, K, L)"""
+    """Stiffness of the tendons' springs in each time step [N/m], (N, K, L)"""
     stiffer: Array
-    """Beyond that amid each part of the row [N/m], (N, K, L)"""
+    """Stiffness in each time step less that amid its part of the row [N/m], (N, K, L)"""
 
     @classmethod
     def of(

@@ -18,8 +18,8 @@ class Belief:
     marker: Array
     """[m], (N, 9, 3)"""
     covariance: Array
-    """Of what measured markers are off by, the cameras' noise included [m²], (N, 9, 3, 3); NaN where a
-    readout states none
+    """Covariance of measured markers about the estimate, the cameras' noise included [m²], (N, 9, 3, 3); NaN
+    where a readout states none
     """
 
     @property

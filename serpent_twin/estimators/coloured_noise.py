@@ -19,11 +19,11 @@ _LAGS = 16
 _FADED = 0.2
 """Share of a correlation below which it is not used"""
 _SHORTEST, _LONGEST = 1.0, 200.0
-"""Of the correlation time, in rows"""
+"""Bounds of the correlation time, in rows"""
 _BY_CHANCE = 1.2
 """Eigenvalues that white noise does not exceed in 200 logs of 600 rows, in the semicircle's radius"""
 _WHITE = 0.1
-"""Of a load's variance that is white, at least"""
+"""Least fraction of a load's error variance that is white"""
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ class ColouredNoise:
 
     @classmethod
     def of(cls, covariance: Array, time: float) -> Self:
-        """Of a covariance over the motors, (10, 10)."""
+        """Coloured noise with a covariance over the motors, (10, 10), and a correlation time [s]."""
         size, direction = np.linalg.eigh(covariance)
         there = size > 1e-12
         return cls(direction[:, there] * np.sqrt(size[there]), time)
 
     @property
     def variance(self) -> Array:
-        """Of each motor's load, (10,)."""
+        """Variance of the coloured error of each motor's load, (10,)."""
         return (self.along**2).sum(axis=1)
 
 

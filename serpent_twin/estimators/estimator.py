@@ -89,7 +89,7 @@ class Estimator(ABC):
         return False
 
     def with_twin(self, arm: "TwinModel") -> "Estimator":
-        """The same estimator with another twin; its covariance stays that of training with its own."""
+        """Copy the estimator with another twin; its covariance stays that of training with its own."""
         raise SerpentError(
             f"the readout {self.name} has no twin that could be replaced. Give a trained observer."
         )

@@ -16,7 +16,7 @@ from serpent_twin.sim.twin_model import TwinModel
 PERIOD = 0.25
 """Rows that are nearer in time than this weigh no more in all [s]: a twin's errors in them are alike"""
 UNSURE = 0.25
-"""Of a load's change by a force, as statics say: hinges rub, and the arm is on its way"""
+"""Relative standard error of a load's change by a force in statics: hinges rub, and the arm is moving"""
 
 
 class Feeling(Estimator):

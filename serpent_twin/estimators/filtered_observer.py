@@ -37,7 +37,7 @@ class FilteredObserver(Observer):
         2e-3,
         4e-3,
     )
-    """Of each joint in a control step, to choose from [rad]"""
+    """Standard deviations of each joint's scatter in a control step, to choose from [rad]"""
 
     def wanted(self) -> Wanted:
         """The chosen scatter [rad], and the error with each scatter tried [mm]."""

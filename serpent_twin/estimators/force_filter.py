@@ -20,7 +20,7 @@ from serpent_twin.readouts.covariance import reach2
 SIZE = 0.5
 """Standard deviation of each component of a force that begins [N]"""
 WALK = 0.4
-"""Of its change in a second [N]; it remains of that size"""
+"""Standard deviation of a force component's change in a second [N]; the component's own stays `SIZE`"""
 FREE, LASTS = 30.0, 15.0
 """Mean time until something touches the arm, and until it lets go [s]"""
 JOLT = 3e-4
@@ -49,14 +49,14 @@ class FeltForce:
     links: Array
     """Probability of each, if something touches the arm, (9,)"""
     force: Array
-    """In the base frame: the mean over all that may be, no contact included [N], (3,)"""
+    """Force in the base frame: the mean over all hypotheses, no contact included [N], (3,)"""
     covariance: Array
-    """Of its error [N²], (3, 3). Where motors stand, their gears' friction bounds the force and tells no
-    more: then an ellipsoid of 95 % holds all that they allow"""
+    """Covariance of the error of `force` [N²], (3, 3). Where motors stand, their gears' friction bounds the
+    force and tells no more: then an ellipsoid of 95 % holds all that they allow"""
     on_link: Array
     """The force if it acts on each link's centre of mass [N], (9, 3)"""
     on_link_covariance: Array
-    """Of its error [N²], (9, 3, 3)"""
+    """Covariance of the error of `on_link` [N²], (9, 3, 3)"""
 
     @property
     def spread(self) -> float:
@@ -66,12 +66,14 @@ class FeltForce:
 
 @dataclass(frozen=True)
 class LoadErrors:
-    """By how much loads differ from a twin's at an instant, as shares of the stall torque."""
+    """Differences of the loads from a twin's at an instant, as fractions of the stall torque."""
 
     free: Array
-    """From those of a twin that nothing touches, (10,)"""
+    """Differences from the loads of a twin that nothing touches, (10,)"""
     pushed: Array
-    """From those of a force of zero on any link, where the slopes hold, (10,)"""
+    """Differences from the loads at zero force on any link, extrapolated by `slope` from the expected force,
+    (10,)
+    """
     slope: Array
     """Change by a force on each link [1/N], (9, 10, 3)"""
     noise: Array
@@ -94,7 +96,7 @@ class ForceFilter:
         sources = self._coloured.along.shape[1]
         walk, fades = 0.5 * WALK**2 / SIZE**2, 1.0 / self._coloured.time
         self._rate = np.r_[np.full(_AXES, walk), np.full(sources, fades)]
-        """With which each number of a state is forgotten [1/s]"""
+        """Forgetting rate of each number of a state [1/s]"""
         self._prior = np.diag(np.r_[np.full(_AXES, SIZE**2), np.ones(sources)])
         self._state = np.zeros((1 + N_JOINTS, _AXES + sources))
         self._covariance = np.tile(self._prior, (1 + N_JOINTS, 1, 1))
@@ -149,7 +151,7 @@ class ForceFilter:
 
     @property
     def _force(self) -> Array:
-        """On each link, (9, 3)."""
+        """Force on each link [N], (9, 3)."""
         return self._state[1:, :_AXES]
 
     @property

@@ -112,7 +112,7 @@ class Observer(TrainedEstimator):
         return True
 
     def with_twin(self, arm: twin_model.TwinModel) -> Self:
-        """The same observer with another twin; its covariance stays that of training with its own."""
+        """Copy the observer with another twin; its covariance stays that of training with its own."""
         return self.with_settings(twin=twin_model.to_dict(arm))
 
     @cached_property
@@ -122,7 +122,7 @@ class Observer(TrainedEstimator):
 
     @property
     def gear_friction(self) -> Array:
-        """Of the twin's gears, as shares of the stall torque, (10,)."""
+        """Friction of the twin's gears, as fractions of the stall torque, (10,)."""
         return self.arm.gear_friction / self.arm.arm.servo.stall_torque
 
     @property

@@ -27,7 +27,7 @@ class Forgetting:
     weights_s: float = 60.0
     """Time with measured markers after which a measurement counts 1/e in the weights [s]"""
     spread_s: float = 15.0
-    """The same in the covariance [s]"""
+    """Time with measured markers after which a measurement counts 1/e in the covariance [s]"""
     ridge: float = 0.1
     """Weight of the prior that weights are zero, in measurements at a feature of 1; never forgotten"""
     trust: float = 9.0
@@ -43,7 +43,7 @@ class OpenEstimate:
     features: Array
     """What the correction is linear in, (C,)"""
     interval: float
-    """Since the reading before [s]"""
+    """Time since the previous reading [s]"""
 
 
 class Online(Live):
@@ -59,7 +59,7 @@ class Online(Live):
         self._gram = np.zeros((N_JOINTS, FEATURES, FEATURES))
         self._right = np.zeros((N_JOINTS, FEATURES, 3))
         self.weight = np.zeros((N_JOINTS, FEATURES, 3))
-        """From features to what is added to each marker [m]; set by `correct`"""
+        """Weights of the features in the correction that is added to each marker [m]; set by `correct`"""
         self._square, self._count = np.zeros((N_JOINTS, 3, 3)), np.zeros(N_JOINTS)
         self._time, self._marker = np.nan, np.full((N_JOINTS, 3), np.nan)
         self._open: OpenEstimate | None = None

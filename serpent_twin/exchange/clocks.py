@@ -18,14 +18,14 @@ class Lateness:
     """How two clocks differ."""
 
     late: float
-    """By how much the stream's times are later than the other's [s]"""
+    """Time by which the stream's times are later than the other's [s]"""
     correlation: float
-    """Of the rates there [1]"""
+    """Correlation of the streams' rates with that time taken off [1]"""
 
 
 def lateness(time: Array, own: Array, other_time: Array, other: Array, most: float) -> Lateness:
-    """Of a stream's times, (T,) [s], against another's, (K,), from columns that move alike, to one scale and
-    sign; at most so much [s].
+    """Lateness of a stream's times, (T,) [s], against another's, (K,), from columns that move alike, up to
+    scale and sign; at most `most` [s].
 
     The rates are correlated on a fine even grid, and a parabola through the three best places gives what is
     between them. Source: Knapp and Carter, IEEE Transactions on Acoustics, Speech, and Signal Processing 24,

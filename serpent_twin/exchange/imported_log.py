@@ -19,7 +19,7 @@ from serpent_twin.tables.log import Log
 
 _ADVICE = "Leave it out, or import it again."
 _UNEVEN = 0.5
-"""Of the time between rows, by which it may differ"""
+"""Fraction of the time between rows by which it may differ"""
 _TURNS = 5.5
 """Jump of an angle [rad] that is a wrap, as of an encoder at the end of its turn"""
 _OF_SESSIONS = b"serpent_twin"

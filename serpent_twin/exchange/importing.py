@@ -29,7 +29,9 @@ _FEWEST = 8
 _MOST_ROWS = 50
 """Rows of a log for each message of its fastest stream"""
 _ROUNDED = 1e-4
-"""Of a row, by which a command that comes with it may be stamped otherwise: stamps since 1970 are rounded"""
+"""Fraction of a row's period by which the stamp of a command that comes with the row may differ: stamps since
+1970 are rounded
+"""
 _SLOWER = 0.9
 """Messages of a stream for each row of the log below which it must be known whether they are commands"""
 

@@ -88,11 +88,11 @@ class MappedStream(Form, frozen=True):
     hold: bool | None = None
     """Whether the fields are commands; by default the drives of machine.toml are, else those named so"""
     only: dict[str, str] = field(default_factory=dict)
-    """Whose messages, of several senders on one topic, by header.frame_id, child_frame_id or publisher:
-    { "header.frame_id" = "arm" }
+    """Sender whose messages are taken, of several on one topic, by header.frame_id, child_frame_id or
+    publisher: { "header.frame_id" = "arm" }
     """
     late: Annotated[float, within(-1e6, 1e6, "s")] = 0.0
-    """By how much the times are later than those of the other streams"""
+    """Time by which this stream's stamps are later than those of the other streams"""
     follows: Follows | None = None
     """Two columns from whose motion `late` is found"""
     fields: tuple[MappedField, ...] = ()

@@ -36,7 +36,7 @@ class Messages:
     fields there are if all lack it
     """
     fields: Sequence[str]
-    """Those of the first message, or all columns"""
+    """Names of the fields of the first message, or of all columns"""
     texts: Mapping[str, Sequence[str]] = dataclasses.field(default_factory=dict)
     """What tells the messages' senders apart, (T,) each, by name"""
     has: Callable[[str], Mask] | None = None
@@ -125,7 +125,7 @@ def of_decoded(
 
 
 class _Absent:
-    """In place of what a message does not have."""
+    """Placeholder for what a message does not have."""
 
 
 ABSENT = _Absent()

@@ -14,7 +14,7 @@ from serpent_twin.units import TO_SI
 _USUAL = (2e-5, 0.5)
 """Time between messages [s] for which no unit need be stated"""
 _POSSIBLE = (1e-6, 1e4)
-"""The same where one is"""
+"""Time between messages [s] that is accepted where the unit is known"""
 _SINCE_1970 = (9.4e8, 4.2e9)
 """Seconds from 1970 to the years 2000 and 2103: between these lie the stamps of recordings"""
 _UNITS = ("s", "ms", "µs", "ns")

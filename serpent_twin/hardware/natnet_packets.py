@@ -18,7 +18,7 @@ MARKER_SET, ASSET, TRAINED_MARKER_SET = 0, 6, 1
 
 Version = tuple[int, int]
 SIZED: Version = (4, 1)
-"""From this version on, lists carry their size in bytes"""
+"""Version from which on lists carry their size in bytes"""
 VERSION, CLOCK = struct.Struct("<4B"), struct.Struct("<QHB4B")  # NatNetTypes.h, sSender_Server
 STAMPS = struct.Struct("<IIdQQQ")  # timecode and its sub-frame, time, ticks of exposure … sending
 MARKER = np.dtype(

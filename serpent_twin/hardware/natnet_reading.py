@@ -41,7 +41,7 @@ class FrameOfData:
     time: float
     """Motive's clock [s]."""
     ticks: int
-    """From the exposure to sending, in the server's ticks; 0 if the stream lacks it."""
+    """Time from the exposure to sending, in the server's ticks; 0 if the stream lacks it."""
     markers: dict[natnet.Id, np.ndarray]
     """Places in the cameras' frame [m], (3,), by (model, marker); NaN where occluded."""
 

@@ -60,7 +60,7 @@ class Packet:
     instruction: int
     """An `Instruction`, or a number that none has"""
     params: bytes
-    """Without byte stuffing; a status packet's begin with the error byte"""
+    """Parameters without byte stuffing; a status packet's begin with the error byte"""
     wire: bytes
     """All bytes as they came; a fast read's answer is not stuffed, so it is read from these"""
 

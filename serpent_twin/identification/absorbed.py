@@ -47,7 +47,7 @@ def without_ends(case: Case[Any], training: Any, found: Fit, name: str) -> Param
     return points[int(np.argmin(costs))]
 
 
-def told_together(case: Case[Any], training: Any, ended: Fit, within: Fit) -> Fit:
+def prefer_interior(case: Case[Any], training: Any, ended: Fit, within: Fit) -> Fit:
     """Choose between a fit with parameters at their bounds, and one that began with none there.
 
     The better one; if both are as good, the one that began within. Then the logs do not tell the two apart,

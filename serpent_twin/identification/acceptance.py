@@ -20,28 +20,28 @@ from serpent_twin.identification.score_test import (
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
 
-WORTH_IT = 0.04
+MIN_GAIN = 0.04
 """Least relative gain on held-out logs of an accepted effect, markers and loads with equal weight"""
-WORTH_IN_A_SENSOR = 0.08
+MIN_GAIN_IN_A_SENSOR = 0.08
 """Least relative gain, on its own sensor, of an effect that shows in one sensor alone: of 87 arms that lack
 nothing, one law of so many at so many sensors gained 0.05; those of five that had such a fault gained 0.26
 and more
 """
 CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
-PLAIN = 0.3
+DECISIVE_GAIN = 0.3
 """Relative gain in all that is measured that is no chance as soon as held-out logs alone confirm it: where
 one twin is far off, its errors differ so much from block to block that few blocks show no more
 """
-HARDLY = 0.02
+EQUIVALENCE_MARGIN = 0.02
 """Laws that look alike count as equivalent if their held-out errors differ by a smaller share than this: as
 long as other parameters are not fitted with them, these make such a difference
 """
-MATTERS = 0.02
+MIN_STRENGTH = 0.02
 """Least strength of an accepted effect, in typical ones: less corrects the twin's own arithmetic"""
-SURE = 3.0
+MIN_Z = 3.0
 """Least distance of an accepted strength from zero, in standard errors"""
-BEYOND_DOUBT = 1e-4
+DECISIVE_P = 1e-4
 """Probability of chance below which a gain shows by itself that a lone strength is not zero, however much the
 segments disagree about its size"""
 
@@ -160,13 +160,13 @@ def weakness(found: Gain) -> str:
     """Why a gain is not accepted; empty if it is."""
     if found.relative <= _worth_it(found):
         return ": not worth its parameters"
-    most = CONFIRMED if found.whole > PLAIN else CHANCE
+    most = CONFIRMED if found.whole > DECISIVE_GAIN else CHANCE
     return ", which may be chance" if found.probability_of_chance >= most else ""
 
 
 def _worth_it(found: Gain) -> float:
     """The relative gain above which it is worth the parameters."""
-    return WORTH_IN_A_SENSOR if found.of_one_sensor else WORTH_IT
+    return MIN_GAIN_IN_A_SENSOR if found.of_one_sensor else MIN_GAIN
 
 
 def significant(found: Fit, name: str, candidate: Candidate) -> bool:
@@ -176,7 +176,7 @@ def significant(found: Fit, name: str, candidate: Candidate) -> bool:
         return True
     ours = [(n, k) for n, (e, k) in enumerate(found.free.effects) if e == name and k in strong]
     error = found.error[len(found.free.declared) :]
-    return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
+    return any(abs(found.point.effects[name][k]) > MIN_Z * error[n] for n, k in ours)
 
 
 def why_not(name: str, trial: CandidateTrial, candidate: Candidate) -> str:
@@ -202,10 +202,10 @@ def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> 
         if ends := too_strong(candidate, fit.point.effects[name]):
             return f"{found}; its {', '.join(ends)} runs to the end of the range"
         if not matters(candidate, fit.point.effects[name]):
-            return f"{found}; its strength is less than {MATTERS:.0%} of what is typical"
+            return f"{found}; its strength is less than {MIN_STRENGTH:.0%} of what is typical"
     if too_weak := weakness(found):
         return f"{found}{too_weak}"
-    shown = len(several) == 1 and found.probability_of_chance < BEYOND_DOUBT
+    shown = len(several) == 1 and found.probability_of_chance < DECISIVE_P
     sure = all(significant(fit, name, candidate) for name, candidate in several.items())
     return "" if shown or sure else f"{found}; its strength may be zero"
 
@@ -213,7 +213,9 @@ def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> 
 def matters(candidate: Candidate, values: Array) -> bool:
     """Whether one of an effect's strengths is worth a name."""
     ranges = list(candidate.ranges.values())
-    return any(abs(values[k]) >= MATTERS * abs(ranges[k].typical) for k in strengths(candidate))
+    return any(
+        abs(values[k]) >= MIN_STRENGTH * abs(ranges[k].typical) for k in strengths(candidate)
+    )
 
 
 def best_trial(trials: Mapping[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:
@@ -245,7 +247,7 @@ def promising(trials: Mapping[str, CandidateTrial]) -> str:
         for name, trial in trials.items()
         if trial.gain
         and not trial.within_neglect
-        and WORTH_IT / 2 < trial.gain.relative <= WORTH_IT
+        and MIN_GAIN / 2 < trial.gain.relative <= MIN_GAIN
         and trial.gain.probability_of_chance < CHANCE
     }
     return max(good, key=lambda name: good[name], default="")
@@ -259,7 +261,7 @@ def outdone(done: Round) -> dict[str, Array]:
     gains = {
         name: trial.gain.relative
         for name, trial in done.trials.items()
-        if name not in done.accepted and trial.gain and trial.gain.relative > WORTH_IT
+        if name not in done.accepted and trial.gain and trial.gain.relative > MIN_GAIN
     }
     found = {}
     for name in sorted(gains, key=lambda name: -gains[name])[:_OUTDONE]:
@@ -271,7 +273,7 @@ def outdone(done: Round) -> dict[str, Array]:
 
 def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:
     """Whether held-out logs do not tell one candidate's fit from the best one's, and training logs hardly."""
-    if one.errors is None or best.errors is None or best.fits - one.fits > WORTH_IT:
+    if one.errors is None or best.errors is None or best.fits - one.fits > MIN_GAIN:
         return False
     return gain(one.errors, best.errors).probability_of_chance > APART
 
@@ -280,7 +282,7 @@ def _hardly_worse(one: CandidateTrial, best: CandidateTrial) -> bool:
     """Whether one candidate's fit leaves hardly more of the held-out logs than the best one's."""
     if one.errors is None or best.errors is None:
         return False
-    return gain(one.errors, best.errors).relative < HARDLY
+    return gain(one.errors, best.errors).relative < EQUIVALENCE_MARGIN
 
 
 def parameters(candidate: Candidate) -> int:

@@ -108,8 +108,8 @@ def build_diagnosis(
 
 
 def _shapes(case: Case, training: Any, final: Fit) -> dict[str, dict[str, Any]]:
-    """For each composed effect, by its name: the same effect with each other shape of its law that fits the
-    logs as well, as a name and the entries that say where it is.
+    """Alternatives of each composed effect, by its name: the effect with each other shape of its law that
+    fits the logs as well, as a name and the entries that say where it is.
     """
     composed = [name for name in final.point.effects if case.candidates[name].composed]
     return {
@@ -184,7 +184,7 @@ def estimates(
         value = float(fit.point.effects[name][k])
         low, high = value, value
         if (name, k) in fit.free.effects:
-            _, low, high = fit.interval(name, k, case.candidates[name].simplified)
+            _, low, high = fit.interval(name, k, case.candidates[name].model_error)
             if value >= allowed.limit_begins:
                 low, high = allowed.limit_begins, allowed.high
         if within := undetermined.get((name, k)):

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.acceptance import SURE, WORTH_IT
+from serpent_twin.identification.acceptance import MIN_GAIN, MIN_Z
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
@@ -120,8 +120,8 @@ def _limits(found: Identifiability) -> Figure:
     tidy(axes, "x")
     label_logarithmic(axes)
     caption = (
-        f"The least strength that is found, as times a typical one: |, {SURE:.0f} standard errors from zero; "
-        f"×, a gain of {100 * WORTH_IT:.0f} %; the dot is the larger of both. Right of the dotted line, a "
+        f"The least strength that is found, as times a typical one: |, {MIN_Z:.0f} standard errors from "
+        f"zero; ×, a gain of {100 * MIN_GAIN:.0f} %; the dot is the larger of both. Right of the dotted line, a "
         "typical strength would not be found."
     )
     return Figure("detection_limits", drawing, caption)
@@ -132,8 +132,8 @@ def _short(value: float) -> str:
 
 
 _EFFECTS = (
-    f"The least strength at which an effect is {SURE:.0f} standard errors from zero and betters the error "
-    f"by {100 * WORTH_IT:.0f} %, beside what calibration and the other effects leave, once a fit of all "
+    f"The least strength at which an effect is {MIN_Z:.0f} standard errors from zero and betters the error "
+    f"by {100 * MIN_GAIN:.0f} %, beside what calibration and the other effects leave, once a fit of all "
     "parameters took up what it can. Taken up is the share of what the effect changes that the declared "
     "parameters imitate. Delays come first: a delay makes everything else look like something else."
 )

@@ -53,7 +53,7 @@ class Checkpoints:
         return self._made(path, make, _score_arrays)
 
     def numbers(self, name: str, count: int, make: Callable[[], Array]) -> Array:
-        """So many numbers of a stage, computed now or read back."""
+        """Numbers of a stage, `count` of them, computed now or read back."""
         path = self._path(name)
         if path.exists():
             wanted = {"numbers": Numbers((count,))}

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.acceptance import SURE, WORTH_IT
+from serpent_twin.identification.acceptance import MIN_GAIN, MIN_Z
 from serpent_twin.identification.excitation import advice, excitation
 from serpent_twin.identification.explained import EffectChange, Explained, explain
 from serpent_twin.identification.fitting.fitted import Fit
@@ -117,7 +117,7 @@ def _first_order(case: Case[Any], explained: Explained, of: EffectChange) -> Arr
     scatter and by gain, as inverses; and the share of its change that the parameters leave. All to first
     order.
     """
-    by_scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
+    by_scatter = MIN_Z / np.sqrt(of.information) if of.information > 0 else np.inf
     by_gain = _worth(case, explained, of.beyond)
     return np.array([1 / by_scatter, 1 / by_gain, of.left / of.size if of.size else 1.0])
 
@@ -146,7 +146,7 @@ def _limits(
         if (found := fitted.fitted(times**2 * of.information)) is None:
             break
         beyond = found.left / times
-        by_scatter = SURE * times / np.sqrt(found.cost)
+        by_scatter = MIN_Z * times / np.sqrt(found.cost)
         by_gain = _worth(case, explained, beyond)
         share = min(1.0, float(beyond @ beyond) / of.size)
         if max(by_scatter, by_gain) <= times:
@@ -177,7 +177,7 @@ def _detection(
 
 
 def _worth(case: Case[Any], explained: Explained, beyond: Array) -> float:
-    """Times its strength that an effect must have to better the error by `WORTH_IT`, pose and the other
+    """Times its strength that an effect must have to better the error by `MIN_GAIN`, pose and the other
     channels weighing alike.
 
     A twin without it leaves √(σ² + x² b²) where one with it leaves σ.
@@ -195,12 +195,12 @@ def _worth(case: Case[Any], explained: Explained, beyond: Array) -> float:
     def gain(times: float) -> float:
         return float(np.mean(1 - 1 / np.sqrt(1 + times**2 * ratio)))
 
-    if not ratio.size or gain(_MOST_TIMES) < WORTH_IT:
+    if not ratio.size or gain(_MOST_TIMES) < MIN_GAIN:
         return np.inf
     low, high = 0.0, _MOST_TIMES
     for _ in range(60):
         middle = (low + high) / 2
-        low, high = (middle, high) if gain(middle) < WORTH_IT else (low, middle)
+        low, high = (middle, high) if gain(middle) < MIN_GAIN else (low, middle)
     return high
 
 

@@ -55,9 +55,9 @@ class Calibrated:
     name: str
     """What it stands for, such as `strand stiffness 3+`"""
     nominal: float
-    """As declared before any log was read, in the unit of `value`; NaN where nothing is declared"""
+    """Value declared before any log was read, in the unit of `value`; NaN where nothing is declared"""
     start: float
-    """Where the fit started, likewise"""
+    """Value at which the fit started, in the unit of `value`"""
     value: ParameterEstimate
     """Where it ended"""
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.acceptance import (
-    HARDLY,
+    EQUIVALENCE_MARGIN,
     CandidateTrial,
     Round,
     accepting,
@@ -73,7 +73,11 @@ def exchanged(
             continue
         after = trials.errors(own, fitted.point)
         better = fits_better(found, fitted, case.channels)
-        if gave_up(left, after) or better < most or gain(left, after).relative < -HARDLY:
+        if (
+            gave_up(left, after)
+            or better < most
+            or gain(left, after).relative < -EQUIVALENCE_MARGIN
+        ):
             continue
         best, most = (own, fitted, names), better
     return best and _accepted(trials, *best, rounds)

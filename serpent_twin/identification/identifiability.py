@@ -103,7 +103,7 @@ class Identifiability:
     rows: int
     """Rows of the logs that a fit uses"""
     variance_inflation: float
-    """So many numbers of a calibrated residual weigh as one"""
+    """Numbers of a calibrated residual that weigh as one"""
     notes: tuple[str, ...] = ()
     """What was put right in the logs, and how runs begin where the logs do not say it"""
     not_sought: tuple[str, ...] = ()

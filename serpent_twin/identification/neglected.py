@@ -17,7 +17,7 @@ def neglected(case: Case[Any], found: Fit) -> float:
     """
     first, squares = len(found.free.declared), 0.0
     for n, (name, k) in enumerate(found.free.effects, first):
-        by = case.candidates[name].simplified * float(found.point.effects[name][k])
+        by = case.candidates[name].model_error * float(found.point.effects[name][k])
         squares += by**2 * float((found.jacobian[n].astype(float) ** 2).sum())
     left = float((found.residual.astype(float) ** 2).sum())
     return squares / left if left else 0.0

@@ -17,7 +17,7 @@ from serpent_twin.machines.machine import ParameterVector
 
 IDEALISED = 0.05
 """A law replaces named effects if it gains at least this fraction more than they do: effects neglect no
-more than that, as their `simplified` says
+more than that, as their `model_error` says
 """
 
 

@@ -11,7 +11,12 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.absorbed import without_move
-from serpent_twin.identification.acceptance import HARDLY, CandidateTrial, Round, best_trial
+from serpent_twin.identification.acceptance import (
+    EQUIVALENCE_MARGIN,
+    CandidateTrial,
+    Round,
+    best_trial,
+)
 from serpent_twin.identification.fitting.far_steps import DECISIVE
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.objective import prior_squares
@@ -52,7 +57,7 @@ def relieved(
     out = {name: replace(each, gain=None) for name, each in tried.items()}
     for name, each in tried.items():
         fitted, errors = each.fit, each.errors
-        if fitted is None or errors is None or gain(after, errors).relative <= -HARDLY:
+        if fitted is None or errors is None or gain(after, errors).relative <= -EQUIVALENCE_MARGIN:
             continue
         strains = float(prior_squares(case, fitted.point).sum()) > DECISIVE
         if relieves(case, base, fitted) and not strains:

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from serpent_twin.identification.acceptance import HARDLY, Round, accepting
+from serpent_twin.identification.acceptance import EQUIVALENCE_MARGIN, Round, accepting
 from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.full_fit import full_fit
@@ -54,7 +54,7 @@ def rival_fits(
             continue
         ahead = gain(errors, winner)
         laws = bool(own.composed and case.candidates[other].composed)
-        hardly = laws and ahead.relative < HARDLY
+        hardly = laws and ahead.relative < EQUIVALENCE_MARGIN
         out.append(Rival(other, alone, ahead.marker, ahead.probability_of_chance, hardly))
     return tuple(out)
 

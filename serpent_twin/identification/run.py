@@ -78,7 +78,7 @@ class Trace(Checked):
     """Also compose effects that no catalogue lists, where the named ones leave something: laws at places of
     the machine. That takes some minutes more, and not every machine says what its places show."""
     minutes: Annotated[float, within(0.1, 10_000.0, "min")] = 600.0
-    """After so long no further effect is sought; the fit of those found so far is finished."""
+    """Time after which no further effect is sought; the fit of the effects found so far is finished."""
     twins: Annotated[int, within(0, 1000)] = 0
     """Also write this many twins that the logs cannot distinguish from the corrected one, drawn from the
     uncertainty of the fit: OUT/twins/drawn_NN.json; and OUT/twins/calibrated.json, without effects. A later

@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from serpent_twin.identification.absorbed import told_together, without_ends
+from serpent_twin.identification.absorbed import prefer_interior, without_ends
 from serpent_twin.identification.acceptance import (
     CandidateTrial,
     Round,
@@ -167,7 +167,7 @@ class Tracer(TracerFits):
         if start is None:
             return found
         again = self._fit(f"{stage}_from_within", start, found.free, 3)
-        return told_together(self.case, self.training, found, again)
+        return prefer_interior(self.case, self.training, found, again)
 
     def _more(self, base: Fit, rounds: list[Round]) -> Fit:
         """The fit with what explains the rest; named effects alone explain no more."""

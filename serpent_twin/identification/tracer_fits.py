@@ -40,7 +40,7 @@ class TracerFits:
         seed: int,
         seconds: float = np.inf,
     ) -> None:
-        """With an end after so many `seconds` from now, after which no further effect is sought."""
+        """Set up the fits of a trace; no further effect is sought once `seconds` from now have passed."""
         self.case, self.training, self.held_out = case, training, held_out
         self.notes, self.on_progress, self.seed = notes, on_progress, seed
         self.trials = Trials(training, held_out, notes, on_progress)

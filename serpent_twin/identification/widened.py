@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.acceptance import CHANCE, HARDLY, CandidateTrial, Round
+from serpent_twin.identification.acceptance import CHANCE, EQUIVALENCE_MARGIN, CandidateTrial, Round
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitting.far_steps import DECISIVE
@@ -185,7 +185,7 @@ def stands(trial: CandidateTrial, done: Round) -> bool:
     """Whether a number that is far off explains held-out logs as well as the calibration without it, and as
     well as what was accepted.
     """
-    if trial.gain is None or trial.errors is None or trial.gain.relative < -HARDLY:
+    if trial.gain is None or trial.errors is None or trial.gain.relative < -EQUIVALENCE_MARGIN:
         return False
     if not done.accepted:
         return True

@@ -20,15 +20,15 @@ class Given:
     """A twin: its twin.xml, and the effects that only its twin.json has."""
 
     path: Path
-    """Of twin.json"""
+    """Path of twin.json"""
     spec: mujoco.MjSpec
-    """Of twin.xml"""
+    """Spec of twin.xml"""
     model: mujoco.MjModel
-    """The same, compiled"""
+    """Model compiled from twin.xml"""
     beside: tuple[str, ...]
     """Names of the effects that only twin.json has"""
     folder: Path
-    """Of the file to be written"""
+    """Folder of the file to be written"""
 
     @property
     def name(self) -> str:

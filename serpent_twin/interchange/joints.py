@@ -37,7 +37,7 @@ class JointDrive:
     viscous: float
     """Viscous friction of the joint [N m s/rad]"""
     delay: float
-    """Of commands [s]"""
+    """Delay of commands [s]"""
     zero: float
     """Position, speed or torque that a command of 0 asks for"""
     scale: float

@@ -15,7 +15,7 @@ _KINDS = {
     "velocity": "BuiltinVelocityActuatorCfg",
     "effort": "BuiltinMotorActuatorCfg",
 }
-"""By what an actuator is told"""
+"""Configuration class of an actuator in mjlab, by the quantity that it is commanded"""
 _UNLIMITED = 1e9  # [N m] of a motor, whose configuration must state a limit
 _HEAD = '''"""Actuators of {name} for mjlab: `EntityArticulationInfoCfg(actuators=ACTUATORS)`."""
 

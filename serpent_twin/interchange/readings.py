@@ -15,7 +15,7 @@ from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.springs import single_joints
 
 _ROWS = 2
-"""Of a reading and of the one a time step before, from which laws take a rate"""
+"""Rows of a reading: it and the one a time step before, from which laws take a rate"""
 _FIELDS = {
     "joint": "qpos",
     "site": "xpos",
@@ -74,7 +74,7 @@ class SensedNow:
         return found[0, -1]
 
     def _angles(self, ago: float) -> dict[str, Array]:
-        """Of single joints, a time step before and now, (1, 2), by their rates of now."""
+        """Positions of single joints, a time step before and now, (1, 2), by their present rates."""
         found = {}
         for n in single_joints(self._model):
             joint = self._data.joint(int(n))

@@ -49,7 +49,7 @@ class Drive(Collect):
 
 
 def of_readout(drive: Drive, estimator: Estimator) -> Drive:
-    """The same drive of the estimator's own twin, if it has one and no other arm is named."""
+    """Make a drive simulate the estimator's own twin, if it has one and no other arm is named."""
     named = drive.backend == "real" or drive.twin or drive.parameters != NOMINAL
     return drive if named else replace(drive, own=estimator.own_twin)
 

@@ -34,12 +34,12 @@ class Touch:
     """What touched the arm from one reading on until another."""
 
     gravity: Array
-    """In the base frame [m/s²], (3,): a weight pulls along it, and a base may lean"""
+    """Gravity in the base frame [m/s²], (3,): a weight pulls along it, and a base may lean"""
     time: list[float] = field(default_factory=list)
     felt: list[FeltForce] = field(default_factory=list)
 
     def found(self) -> dict[str, Any]:
-        """For results.json: when, where, how strongly, and whether it may be a weight."""
+        """Entry for results.json: when, where, how strongly, and whether it may be a weight."""
         links = np.mean([each.links for each in self.felt], axis=0)
         force = np.array([each.force for each in self.felt])
         covariance = np.mean([each.covariance for each in self.felt], axis=0)
@@ -85,7 +85,7 @@ class Contacts:
         return Beside(COLUMNS, _columns(follower), see=lambda row: self._see(row, follower))
 
     def found(self) -> dict[str, Any]:
-        """For results.json; errors against known forces if the log has them."""
+        """Contacts for results.json, and errors against known forces if the log has them."""
         out: dict[str, Any] = {"contacts": [each.found() for each in self._contacts]}
         off, pushed = np.array(self._off).reshape(-1, 3), np.array(self._pushed, bool)
         for name, rows in (("pushed", pushed), ("free", ~pushed)):

@@ -148,7 +148,7 @@ def _errors(plan: PathPlan, steering: PathSteering, course: Course) -> dict[str,
 
 
 def _summary(error: Array) -> dict[str, float] | None:
-    """Of errors [m], in mm."""
+    """Mean, rms and maximum of the finite errors [m], in mm; None if there are none."""
     known = 1e3 * error[np.isfinite(error)]
     if not known.size:
         return None

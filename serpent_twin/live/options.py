@@ -76,7 +76,7 @@ class Estimate(Checked):
     parameters: Annotated[
         Parameters, SIMULATED, OF_ARM, when(markers=True, only=("marker_noise",))
     ] = NOMINAL
-    """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""
+    """The arm's free parameters, for --backend sim. The controller's gain is also the real arm's."""
 
     @property
     def prior_runtime_s(self) -> float:

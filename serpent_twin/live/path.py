@@ -28,7 +28,7 @@ class PathToFollow:
     time: Array
     """Rising from 0 [s], (N,)"""
     points: Array
-    """Of the gripper's end in the base frame [m], (N, 3), or joint angles [rad], (N, 9)"""
+    """Positions of the gripper's end in the base frame [m], (N, 3), or joint angles [rad], (N, 9)"""
 
     @property
     def of_tip(self) -> bool:

@@ -17,17 +17,17 @@ from serpent_twin.sim.twin_model import TwinModel
 APPROACH = 0.15
 """Greatest speed of a joint on the way to a path's first point [rad/s]"""
 _WAIT = 1.5
-"""For which the arm waits there [s]"""
+"""Time that the arm waits at the path's first point [s]"""
 _KNOTS = 0.1
 """Between poses that are sought along a path, at most [s]; those between are interpolated"""
 _SHARE = 0.9
-"""Of a limit that a plan may use"""
+"""Fraction of a limit that a plan may use"""
 _FEW, _MARGIN = 4, 0.05
 """Rehearsals that show how far motors must turn, to within so much [rad]"""
 _EASED, _EASE = 6, 1.2
 """How often other poses are sought at most, and by how many times the excess joints are then turned less"""
 _FAR = 10e-3
-"""From its path, which a rehearsed tip must not be [m]"""
+"""Largest rms distance of a rehearsed tip from its path [m]"""
 _SLACK = 0.02
 """Below which a cable's strands both count as slack [N]"""
 
@@ -150,7 +150,7 @@ def _reached(path: PathToFollow, time: Array, bounds: JointBounds, arm: Arm) -> 
 
 
 def _excess(plan: PathPlan, limits: Limits) -> Array:
-    """By how much motors would turn each joint further than they may, on stiff cables [rad], (T, 9)."""
+    """Angles by which motors would turn joints further than they may, on stiff cables [rad], (T, 9)."""
     turned = joint_from_motor(plan.rehearsal.motor_angle[:, :-1])
     most = _SHARE * limits.joint_angle - _MARGIN
     return turned - np.clip(turned, -most, most)

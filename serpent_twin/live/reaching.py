@@ -16,13 +16,13 @@ NEAR = 0.1e-3
 _PREFERRED = 1e-3
 """What a radian from the preferred pose weighs against the tip's distance [m]: 0.003 mm beside the path"""
 _DRAWN = 0.05
-"""Of the way to the preferred pose, what a pose is drawn beyond the one before"""
+"""Fraction of the way from the previous pose to the preferred one by which a pose is drawn"""
 _LONGEST_STEP, _STEPS, _FINE = 0.2, 40, 1e-6  # [rad]
 
 
 @dataclass(frozen=True)
 class JointBounds:
-    """Within which joints are moved, and the pose that is preferred."""
+    """Bounds within which joints are moved, and the pose that is preferred."""
 
     low: Array
     """[rad], (9,)"""
@@ -31,7 +31,7 @@ class JointBounds:
 
     @classmethod
     def usual(cls, wider: float = 1.0) -> "JointBounds":
-        """Those of the targets in which arms are logged, times a factor. In their middle, gravity pulls at
+        """Bounds of the targets in which arms are logged, times a factor. In their middle, gravity pulls at
         each cable of an even joint from one side: it does not go slack.
         """
         low, high = target_bounds()

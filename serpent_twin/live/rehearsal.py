@@ -24,15 +24,15 @@ Tell = Callable[[float], object]
 TIMES = 60
 """Rehearsals at most"""
 _SETTLED, _PATIENCE = 0.95, 20
-"""So many that leave more than this part of what the best before left are the last: while a joint that sticks
-is not yet moved, learning shows nothing
+"""Fraction of the rms error at the last progress below which a rehearsal is progress, and rehearsals without
+progress that end the learning: while a joint that sticks is not yet moved, learning shows nothing
 """
 _SMOOTH, _ROWS = 0.1, 1.5
 """Standard deviation of the smoothing of what is learned [s], and at least so many control steps: what sticks
 and slips, or swings faster than motors are told to turn, is not learned
 """
 _REST = 2.0
-"""For which the twin hangs before a rehearsal begins [s]"""
+"""Time that the twin hangs before a rehearsal begins [s]"""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class _InverseDynamics:
 
 
 def _damping_and_inertia(twin: TwinModel, joint_angle: Array) -> tuple[Array, Array]:
-    """Of the joints [N m s/rad], (9,), and in each pose [kg m²], (T, 9, 9)."""
+    """Damping of the joints [N m s/rad], (9,), and their inertia in each pose [kg m²], (T, 9, 9)."""
     model = twin.spec(motors=False).compile()
     data, (place, dof) = mujoco.MjData(model), addresses(model, JOINTS)
     whole = np.zeros((model.nv, model.nv))

@@ -51,7 +51,7 @@ class LivePlan:
 
 
 def readout_hashes(model: Path) -> dict[str, str]:
-    """Of the files of a trained readout, by name."""
+    """Hashes of the files of a trained readout, by name."""
     return {name: file_hash(model / name) for name in ("readout.json", "learned.npz")}
 
 

@@ -14,7 +14,7 @@ class Page:
     readout: str
     """What estimates"""
     about: str
-    """Of which arm"""
+    """Text on the arm that is estimated"""
     file: Path | None
     """The recording to write, if any"""
     view: bool
@@ -39,12 +39,12 @@ class Sample(NamedTuple):
     covariance: Array
     """[m²], (9, 3, 3), NaN where unknown"""
     latency_ms: float
-    """From the reading to the estimate"""
+    """Time from the reading to the estimate [ms]"""
     force: Array
     """[N], (3,), NaN if none is estimated"""
     force_covariance: Array
     """[N²], (3, 3)"""
     link: int
-    """On which it acts, 1 … 9"""
+    """Link on which the force acts, 1 … 9"""
     touched: bool
     """Whether contact is reported"""

@@ -18,7 +18,7 @@ from serpent_twin.sim.twin_model import TwinModel
 WANTED = ("path_x", "path_y", "path_z")
 ESTIMATED = ("tip_x", "tip_y", "tip_z")
 COLUMNS = (*WANTED, *ESTIMATED)
-"""Of a log: where the gripper's end is to be, and where it is estimated to be, in the base frame [m]"""
+"""Columns of a log: desired and estimated position of the gripper's end in the base frame [m]"""
 _GAIN, _LATE = 5.0, 0.4
 """What of its angle a motor lacks it turns in a second [1/s], and at most until its answer shows: else it
 would swing about it

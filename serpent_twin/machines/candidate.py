@@ -28,11 +28,11 @@ class Candidate:
     """Names of candidates that look like it"""
     remembers: bool = False
     """Whether its memory is longer than a segment"""
-    simplified: float = Effect.simplified
-    """As the effect has it"""
+    model_error: float = Effect.model_error
+    """Relative standard error of its parameters for what its law simplifies, as the effect states it"""
     place_kind: str = ""
-    """Of the model's element that its name has: joint, tendon, actuator, body, site or sensor; nothing for
-    what is everywhere
+    """Kind of the model's element that its name has: joint, tendon, actuator, body, site or sensor; nothing
+    for what is everywhere
     """
     whole: bool = False
     """Whether its variants are tried as they are, and not each of their strengths alone"""
@@ -45,7 +45,9 @@ class Candidate:
     places: tuple[str, ...] = ()
     """Other places at which its law could be"""
     alternatives: tuple["Candidate", ...] = ()
-    """The same change by other readings or in another shape, which remove nearly as much to first order"""
+    """Candidates for the same change by other readings or in another shape, which remove nearly as much to
+    first order
+    """
 
     @property
     def at(self) -> str:
@@ -85,6 +87,6 @@ def candidate(name: str, **sized: Range) -> Candidate:
         kind.shows_in,
         kind.confused_with,
         kind.remembers,
-        kind.simplified,
+        kind.model_error,
         next(iter(kind.places), "") if place_of(name) else "",
     )

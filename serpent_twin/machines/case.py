@@ -86,7 +86,7 @@ class Case(Generic[P]):
 
     @property
     def weak_rounds(self) -> int:
-        """At most so many rounds along weak directions end the last fit."""
+        """Limit of the rounds along weak directions that end the last fit."""
         return self.machine.weak_rounds
 
     @property
@@ -100,11 +100,11 @@ class Case(Generic[P]):
         return len(self.machine.outputs)
 
     def composing(self, candidates: Sequence[Candidate]) -> "Case[P]":
-        """The same case with further candidates."""
+        """Case with further candidates."""
         return replace(self, composed={**self.composed, **{each.name: each for each in candidates}})
 
     def widening(self, name: str, prior: float) -> "Case[P]":
-        """The same case with a wider prior of one declared coordinate."""
+        """Case with a wider prior of one declared coordinate."""
         return replace(self, widened={**self.widened, name: prior})
 
     @property
@@ -122,8 +122,8 @@ class Case(Generic[P]):
 
     @property
     def track_record(self) -> Mapping[str, tuple[int, int]]:
-        """Of each name, how often it was right on such machines whose faults were known, and how often it was
-        given; nothing where that was not measured.
+        """Numbers of times that each name was right, and that it was given, on such machines whose faults
+        were known; nothing where that was not measured.
         """
         return getattr(self.machine, "track_record", {})
 
@@ -217,13 +217,15 @@ class Case(Generic[P]):
         return out
 
     def reweighted(self, point: ParameterVector, pieces: P) -> "Case[P]":
-        """The same case, each channel's noise set to the rms that a fitted twin leaves of it; a channel in
-        which nothing was measured keeps its noise.
+        """Case with each channel's noise set to the rms that a fitted twin leaves of it; a channel in which
+        nothing was measured keeps its noise.
         """
         return self.weighed_by(self.residual([point], pieces)[0], pieces)
 
     def weighed_by(self, residual: Array, pieces: P) -> "Case[P]":
-        """The same from the residual that the twin leaves on these segments, (S, T · C), by this noise."""
+        """Case reweighted by the residual that a twin leaves on these segments, (S, T · C), in units of this
+        case's noise.
+        """
         measured = pieces.measured
         left = residual.reshape(measured.shape).astype(float) * self.noise
         left = np.where(np.isfinite(measured), left, np.nan)
@@ -231,8 +233,8 @@ class Case(Generic[P]):
         return replace(case, noise=case.noise_of(left))
 
     def _less_noisy(self, pieces: P, left: Array) -> "Case[P]":
-        """The same where a twin that follows quick motions leaves less, (S, T, C), than was taken for noise
-        before.
+        """Case with less noise where a twin that follows quick motions leaves less, (S, T, C), than was taken
+        for noise before.
         """
         machine: Any = self.machine
         least, unseen = [each.noise for each in machine.outputs], np.isnan(left).all(axis=(0, 1))

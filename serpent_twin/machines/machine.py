@@ -26,7 +26,7 @@ class Declared:
     name: str
     """Such as `slack of cable3_plus`"""
     unit: str
-    """Of the coordinate, such as `log N/m` or `mm`"""
+    """Unit of the coordinate, such as `log N/m` or `mm`"""
     prior: float
     """Standard deviation within which it is expected"""
     step: float
@@ -50,7 +50,7 @@ class Quantity:
     of: tuple[str, ...] = ()
     """Names of the coordinates that add up to its change"""
     nominal: float = float("nan")
-    """As declared before any log was seen; NaN where nothing is"""
+    """Value declared before any log was read; NaN where none is declared"""
     tolerance: float = float("nan")
     """Standard deviation between machines as built: of a logarithm's ratio, else in the unit; NaN: the
     prior of its coordinate stands for it"""
@@ -74,7 +74,7 @@ class Output:
     """A channel: one number a row that is measured and that the twin predicts."""
 
     name: str
-    """Of the logs' column, or in words"""
+    """Name of the logs' column, or a name in words"""
     measure: Measure
     """What is measured, and in which terms its error is reported"""
     noise: float
@@ -100,15 +100,15 @@ class ParameterVector:
         return cls(np.zeros(len(declared)), effects or {})
 
     def having(self, name: str, values: Array) -> "ParameterVector":
-        """The same vector with one effect's parameters set."""
+        """Parameter vector with one effect's parameters set."""
         return replace(self, effects={**self.effects, name: np.asarray(values, float)})
 
     def without(self, names: Collection[str]) -> "ParameterVector":
-        """The same vector without some effects."""
+        """Parameter vector without some effects."""
         return replace(self, effects={n: v for n, v in self.effects.items() if n not in names})
 
     def after(self, change: Array) -> "ParameterVector":
-        """The same vector with the declared parameters changed, (P,)."""
+        """Parameter vector with a change, (P,), added to the declared parameters."""
         return replace(self, declared=self.declared + change)
 
 
@@ -199,7 +199,7 @@ class Machine(Protocol[P]):
 
     @property
     def weak_rounds(self) -> int:
-        """At most so many rounds along weak directions end the last fit; 0 where derivatives are exact."""
+        """Limit of the rounds along weak directions that end the last fit; 0 where derivatives are exact."""
         ...
 
     @property

@@ -22,7 +22,7 @@ class PlaceResponse:
     place: str
     """MuJoCo's name"""
     change: Array
-    """Of the prediction per unit, of each component, (d, S, T, C)"""
+    """Change of the prediction per unit of each component, (d, S, T, C)"""
 
     @property
     def channels(self) -> int:
@@ -30,30 +30,28 @@ class PlaceResponse:
         return int((self.change != 0).any(axis=(0, 1, 2)).sum())
 
     def along(self, direction: Array) -> "PlaceResponse":
-        """That of a vector along a direction, (d,), as one component."""
+        """Response to a vector along a direction, (d,), as one component."""
         return replace(self, change=np.tensordot(direction, self.change, 1)[None])
 
 
 @dataclass(frozen=True)
 class RowMotion:
-    """How small changes of D states go on from row to row, in S segments of T rows."""
+    """Row-to-row dynamics linearised about a trajectory, x' = A x, y = C x, of D states, in S segments of T rows."""
 
-    goes_on: Array
+    A: Array
     """Changes of the next row's state, (S, T, D, D)"""
-    shows: Array
+    C: Array
     """Changes of the prediction, (S, T, C, D)"""
     adapts: Array | None = None
-    """By how much the first state is chosen otherwise for a change of the prediction in the first L rows,
-    (S, D, L, C)
-    """
+    """Change of the chosen first state per change of the prediction in the first L rows, (S, D, L, C)"""
 
     def of_starts(self) -> Array:
         """Changes of the prediction by the state of each segment's first row, (S, D, T, C)."""
-        S, T, C, D = self.shows.shape
+        S, T, C, D = self.C.shape
         out, state = np.empty((S, D, T, C)), np.tile(np.eye(D), (S, 1, 1))
         for t in range(T):
-            out[:, :, t] = (self.shows[:, t] @ state).swapaxes(1, 2)
-            state = self.goes_on[:, t] @ state
+            out[:, :, t] = (self.C[:, t] @ state).swapaxes(1, 2)
+            state = self.A[:, t] @ state
         return out
 
     def adjoint(self, weighed: Array) -> tuple[Array, Array]:
@@ -69,12 +67,14 @@ class RowMotion:
         return self._later(weighed)[0], weighed
 
     def _later(self, weighed: Array) -> tuple[Array, Array]:
-        """The same where the first state is what it is, and the derivative by the first state, (…, S, D)."""
-        T, _, D = self.shows.shape[1:]
+        """Derivatives of the sum of the prediction times weights, (…, S, T, C), by the state of the row after
+        each row, (…, S, T, D), where the first state is fixed, and by the first state, (…, S, D).
+        """
+        T, _, D = self.C.shape[1:]
         out, later = np.zeros((*weighed.shape[:-1], D)), np.zeros((*weighed.shape[:-2], 1, D))
         for t in reversed(range(T)):
             out[..., t, :] = later[..., 0, :]
-            later = later @ self.goes_on[:, t] + weighed[..., t, None, :] @ self.shows[:, t]
+            later = later @ self.A[:, t] + weighed[..., t, None, :] @ self.C[:, t]
         return out, later[..., 0, :]
 
     def driven(self, pushes: Array, own: Array) -> Array:
@@ -104,12 +104,12 @@ class RowMotion:
 
         By the observability Gramian: what a state shows later, with what others show, is a product of states.
         """
-        (S, T, _, D), d = self.shows.shape, len(enters)
-        shows, weighed = self.shows * scale[..., None], own * scale
+        (S, T, _, D), d = self.C.shape, len(enters)
+        shows, weighed = self.C * scale[..., None], own * scale
         out, gramian = np.zeros((d, d, S, T, T)), np.zeros((S, D, D))
         later = np.zeros((S, d, T, D))
         for t in reversed(range(T)):
-            e, after, goes_on = enters[:, :, t], slice(t + 1, T), self.goes_on[:, t]
+            e, after, goes_on = enters[:, :, t], slice(t + 1, T), self.A[:, t]
             cross = np.einsum("asi,sbui->absu", e, later[:, :, after])
             out[..., t, after], out[..., after, t] = cross, cross.swapaxes(0, 1)
             by_state = np.einsum("asi,sij->asj", e, gramian)
@@ -131,7 +131,7 @@ class RowMotion:
     def _begun_by_units(self, enters: Array, own: Array) -> Array:
         """First states by a unit in each of the first rows, (S, d, L, D)."""
         assert self.adapts is not None
-        lead, S, d = self.adapts.shape[2], len(self.shows), len(enters)
+        lead, S, d = self.adapts.shape[2], len(self.C), len(enters)
         units = np.eye(lead)[None, :, None, :, None]
         pushes, shown = (units * each[:, None, :, :lead] for each in (enters, own))
         flat = [
@@ -140,9 +140,11 @@ class RowMotion:
         return self._begun(*flat).reshape(S, d, lead, -1)
 
     def _rows(self, state: Array, pushes: Array, own: Array) -> Array:
-        """The same from states of the first row, (S, n, D)."""
+        """Changes of the prediction, (n, S, T, C), by states of the first row, (S, n, D), by pushes on the
+        state of the row after each row, (n, S, T, D), and by what shows in the row itself, (n, S, T, C).
+        """
         out = np.empty(own.shape, np.float32)
-        goes_on, shows = self.goes_on.astype(np.float32), self.shows.astype(np.float32)
+        goes_on, shows = self.A.astype(np.float32), self.C.astype(np.float32)
         for t in range(pushes.shape[2]):
             out[:, :, t] = (state @ shows[:, t].swapaxes(1, 2)).swapaxes(0, 1) + own[:, :, t]
             state = state @ goes_on[:, t].swapaxes(1, 2) + pushes[:, :, t].swapaxes(0, 1)
@@ -161,7 +163,7 @@ class LaggedResponse:
     enters: Array
     """Change of the next row's state per unit during a row, of each component, (d, S, T, D)"""
     own: Array
-    """And of the prediction in the row itself, (d, S, T, C)"""
+    """Change of the prediction in the row itself per unit of each component, (d, S, T, C)"""
 
     @property
     def channels(self) -> int:
@@ -170,16 +172,20 @@ class LaggedResponse:
         return own.size if self.enters.any() else int(own.sum())
 
     def along(self, direction: Array) -> "LaggedResponse":
-        """That of a vector along a direction, (d,), as one component."""
+        """Response to a vector along a direction, (d,), as one component."""
         enters, own = (np.tensordot(direction, each, 1)[None] for each in (self.enters, self.own))
         return replace(self, enters=enters, own=own)
 
     def products(self, weighed: Array) -> Array:
-        """Of what a change in each row does with weights of the prediction, (…, S, T, C): (…, d, S, T)."""
+        """Products of what a change in each row shows with weights of the prediction, (…, S, T, C):
+        (…, d, S, T).
+        """
         return self.by_adjoint(*self.motion.adjoint(weighed))
 
     def by_adjoint(self, later: Array, weighed: Array) -> Array:
-        """The same from what `RowMotion.adjoint` makes of the weights, which all places of a motion share."""
+        """Products of what a change in each row shows with weights of the prediction, (…, d, S, T), from what
+        `RowMotion.adjoint` makes of the weights, which all places of a motion share.
+        """
         by_state = np.einsum("kstd,...std->...kst", self.enters, later)
         return by_state + np.einsum("kstc,...stc->...kst", self.own, weighed)
 
@@ -216,7 +222,7 @@ class Places:
     readings: Mapping[tuple[str, str], Array]
     """What laws may follow, (S, T), by the reading and its place"""
     responses: Sequence[Response]
-    """Of every quantity at every place"""
+    """Responses to a change of every quantity at every place"""
     starts: Array | None = None
     """Changes of the prediction by the states in which segments begin, if these are known by noisy readings
     only, (S, k, T, C)
@@ -237,7 +243,7 @@ class PlacesInRow(Places):
 
 
 def with_more(point: ParameterVector, law: Law, axis: int, more: float) -> ParameterVector:
-    """The same twin with more of one component of a constant change, which it may have already."""
+    """Add to one component of a twin's constant change, which the twin may have already."""
     name = f"discovered@{law}"
     values = np.array(point.effects.get(name, np.zeros(len(ranges(Discovered)))))
     values[axis] += more

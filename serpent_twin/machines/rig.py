@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 NOTES = "reading_notes"
-"""In a log's metadata, sentences on what was put right when it was read"""
+"""Key in a log's metadata: sentences on what was put right when the log was read"""
 _SAME_CLOCK = 1.02
 """Ratio of the times between two rows up to which two logs have one clock"""
 _CALIBRATION = ("direction", "zero", "homing_offset", "drive_mode")
-"""Of the setup of a real arm's motors"""
+"""Entries of the setup of a real arm's motors that say how their angles are counted"""
 
 
 def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:

@@ -38,7 +38,7 @@ class Matched:
     robot: Path
     """The model's file, in whose folder machine.toml belongs"""
     text: str
-    """Of machine.toml"""
+    """Text of machine.toml"""
     decisions: tuple[Decision, ...]
     """What each column is, and why"""
     undecided: tuple[str, ...]

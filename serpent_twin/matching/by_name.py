@@ -35,7 +35,7 @@ class NameMatches:
     """The column of each thing, why, and what names leave open."""
 
     column: dict[str, str] = field(default_factory=dict)
-    """By the thing's name"""
+    """Column of each thing, by the thing's name"""
     why: dict[str, str] = field(default_factory=dict)
     by_order: set[str] = field(default_factory=set)
     """Things that were matched by the order of numbers alone"""

@@ -23,7 +23,7 @@ class MeaningOption:
 
     reading: Meaning
     controls: Mapping[str, Meaning]
-    """By actuator"""
+    """Meanings of the commands, by actuator"""
     usual: float = 0.0
     """What it must be better by than a usual one, as a logarithm"""
 
@@ -34,7 +34,7 @@ class Chosen:
 
     of_joint: dict[str, MeaningOption]
     alone: dict[str, Meaning]
-    """By actuator, where what it moves is not measured"""
+    """Meanings of the commands, by actuator, where what it moves is not measured"""
     ranked: dict[str, list[tuple[float, MeaningOption]]]
     """All options of a joint by what simulations leave with them and the others' choice, as a logarithm, and
     how unusual they are
@@ -44,12 +44,12 @@ class Chosen:
 
     @property
     def readings(self) -> dict[str, Meaning]:
-        """By joint."""
+        """Meanings of the readings, by joint."""
         return {joint: option.reading for joint, option in self.of_joint.items()}
 
     @property
     def controls(self) -> dict[str, Meaning]:
-        """By actuator."""
+        """Meanings of the commands, by actuator."""
         found = dict(self.alone)
         for option in self.of_joint.values():
             found |= option.controls

@@ -17,7 +17,7 @@ from serpent_twin.tables.times import is_time
 from serpent_twin.units import TO_SI
 
 UNITS = ("s", "ms", "µs", "ns")
-"""Of a clock"""
+"""Units of a clock"""
 _PERIODS = (4e-4, 0.4)
 """Times between rows that are believed [s]: of 2.5 kHz and of 2.5 Hz"""
 _SURE = 3.0

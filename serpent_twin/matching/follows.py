@@ -23,7 +23,7 @@ class Lagged:
 
     columns: tuple[str, ...]
     lags: Array
-    """In rows, (L,), from 0 on"""
+    """Lags in rows, (L,), from 0 on"""
     period: float
     """[s]"""
     correlation: Array

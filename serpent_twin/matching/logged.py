@@ -58,7 +58,7 @@ class Logged:
     paths: tuple[Path, ...]
     clock: TimeAxis
     names: Mapping[str, ColumnName]
-    """Of the columns with numbers that change, without the clock"""
+    """Names of the columns with numbers that change, without the clock"""
     constant: tuple[str, ...]
     """Columns with one number in all rows"""
     texts: tuple[str, ...]

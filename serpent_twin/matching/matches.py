@@ -15,7 +15,7 @@ from serpent_twin.matching.words import EFFORT, OTHER, VELOCITY
 from serpent_twin.units import TO_SI
 
 DECISIVE = float(np.log(1.5))
-"""By how much (of a logarithm) a simulation must leave less to decide"""
+"""Least difference in the logarithm of what simulations leave that decides between them"""
 BELIEVED = 0.75
 """Share of the motion that a simulation leaves at most where it is believed"""
 Assignment = dict[str, str]
@@ -29,13 +29,13 @@ class Matches:
     robot: Robot
     logged: Logged
     readings: Assignment = field(default_factory=dict)
-    """By joint"""
+    """Columns of the readings, by joint"""
     commands: Assignment = field(default_factory=dict)
-    """By actuator"""
+    """Columns of the commands, by actuator"""
     why: dict[str, list[str]] = field(default_factory=dict)
-    """By column"""
+    """Reasons for each match, by column"""
     doubts: dict[str, list[str]] = field(default_factory=dict)
-    """By column"""
+    """Doubts about each match, by column"""
     by_order: set[str] = field(default_factory=set)
     """Columns whose number alone tells whose they are"""
     alike: dict[str, list[str]] = field(default_factory=dict)
@@ -43,7 +43,7 @@ class Matches:
     open: list[str] = field(default_factory=list)
     """Sentences on what was not decided"""
     lags: Lagged = field(init=False)
-    """Of the columns that `correlate` was given"""
+    """Lagged correlations of the matched columns and of those given to `correlate`"""
 
     def __post_init__(self) -> None:
         self.trials = ShortRuns(self.robot, self.logged)

@@ -43,7 +43,7 @@ class Actuator:
     joint: str
     """Empty if it moves something else"""
     limits: tuple[float, float] | None
-    """Of its control"""
+    """Range of the actuator's control"""
     gear: float
     slides: bool
     """Whether it moves a slide or a tendon, along a length"""

@@ -37,7 +37,7 @@ class Left:
     share: Mapping[str, float]
     """Root mean square by joint, 1 where the model says no more than the start"""
     of_log: Mapping[str, Array]
-    """By joint, of each log"""
+    """Root mean square in each log, by joint"""
 
     @property
     def score(self) -> float:

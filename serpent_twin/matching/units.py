@@ -18,7 +18,7 @@ _TURNS, _EXTENTS = 4 * np.pi, 3.0
 _HARDLY = 2.5
 """Times a usual motion that is not believed"""
 AGAINST = float(np.log(2.0))
-"""By how much (of a logarithm) a simulation must leave less to decide against what is usual"""
+"""Least difference in the logarithm of what simulations leave that decides against what is usual"""
 _SAME = (0.35, 1.8)
 """Motion of a reading in that of its servo's command"""
 _OF_FORCES = ("N m", "mN m", "N", "mN", "kN", "1", "%")

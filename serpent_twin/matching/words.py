@@ -91,7 +91,7 @@ class ColumnName:
     quantity: str
     """Position, velocity, effort or other; empty if it does not tell"""
     unit: str
-    """As machine.toml writes it, `A` of a current; empty if it does not tell"""
+    """Unit as machine.toml writes it, `A` of a current; empty if none is stated"""
     own: tuple[str, ...]
     """The words that say whose it is, without the numbers"""
     numbers: tuple[int, ...]

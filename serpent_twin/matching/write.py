@@ -63,7 +63,7 @@ class Entry:
         return [*said, *(made if self.column else [f"# {each}" for each in made])]
 
     def decision(self) -> Decision:
-        """The same for a reader."""
+        """Decision that this entry states, for a reader."""
         what = f"{'command' if self.kind == 'drive' else 'reading'} of {' '.join(self.of)}"
         scale = "" if self.meaning.scale == 1 else f" × {self.meaning.scale:.4g}"
         sign = "+" if self.meaning.sign > 0 else "−"

@@ -7,7 +7,7 @@ from serpent_twin.playback.shown import ShownSession
 from serpent_twin.runs.files import replacing
 
 KEY = "serpent_twin"
-"""Of the text in the picture's file that says what it was made of"""
+"""Key of the text in the picture's file that says what it was made of"""
 
 
 def draw_picture(shown: ShownSession, time: float, out: Path) -> None:

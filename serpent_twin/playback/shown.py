@@ -49,7 +49,7 @@ class ShownSession:
 
     @property
     def membership(self) -> str:
-        """In which set of the readout the session is, as a sentence; empty without a readout."""
+        """Sentence that says in which set of the readout the session is; empty without a readout."""
         return told(self._estimator.trained, self.session) if self._estimator else ""
 
     @cached_property

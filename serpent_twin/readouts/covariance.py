@@ -6,7 +6,7 @@ import scipy
 from serpent_twin.arrays import Array
 
 SHARE = 0.95
-"""Of the errors that an ellipsoid holds, where no other share is stated"""
+"""Share of the errors that an ellipsoid holds, where no other share is stated"""
 
 
 def covariance_of(error: Array) -> Array:

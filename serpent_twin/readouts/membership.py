@@ -18,7 +18,7 @@ _UNKNOWN = (
 
 
 def told(readout: Trainable, session: Session) -> str:
-    """In which set a session is, as a sentence; logs are compared by their motor readings."""
+    """Sentence that says in which set a session is; logs are compared by their motor readings."""
     names = {"session": session.name, "readout": readout.name}
     if not readout.trained_on:
         return _UNKNOWN.format(**names)

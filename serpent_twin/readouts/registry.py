@@ -41,7 +41,7 @@ def classes(package: str, folders: Iterable[str], contract: type[T]) -> dict[str
 
 
 def ordered(known: Mapping[str, K]) -> dict[str, K]:
-    """The same in the order in which tables list them."""
+    """Known kinds by name, in the order in which tables list them."""
     return dict(sorted(known.items(), key=lambda item: _rank(item[0])))
 
 

@@ -26,7 +26,7 @@ _Matrix = Annotated[tuple[Annotated[tuple[float | None, ...], many(3)], ...], ma
 Wanted = dict[str, Numbers]
 Penalty = Annotated[float, within(0.0, 1e9)]
 Units = Annotated[int, within(1, 100_000)]
-"""Of a layer of a network"""
+"""Number of units in a layer of a network"""
 Layers = Annotated[int, within(1, 100)]
 Rounds = Annotated[int, within(1, 1_000_000_000)]
 """Batches or epochs of a training"""
@@ -40,7 +40,7 @@ class Epoch:
     train_loss: float
     """The training loss, in the readout's own scale, during the pass"""
     validation_loss: float
-    """The same over the validation sessions, after the pass"""
+    """Loss over the validation sessions, in the readout's own scale, after the pass"""
     rate: float
     """Learning rate at the end of the pass"""
     seconds: float
@@ -141,5 +141,5 @@ def layer_weights(sizes: list[int]) -> Wanted:
 
 
 def inside(prefix: str, wanted: Wanted) -> Wanted:
-    """The same arrays under `prefix.…`."""
+    """Wanted arrays under the names `prefix.…`."""
     return {f"{prefix}.{name}": each for name, each in wanted.items()}

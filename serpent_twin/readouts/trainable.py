@@ -49,7 +49,7 @@ class Trainable(ABC):
     rate_hz: float | None = field(default=None, init=False)
     """Rows per second of the logs it was trained on; None if that is not known"""
     covariance: Array = field(default_factory=_unknown, init=False, repr=False)
-    """Of each marker's error over the validation sessions [m²], (9, 3, 3); NaN if that is not known"""
+    """Covariance of each marker's error over the validation sessions [m²], (9, 3, 3); NaN if not known"""
     trained_on: tuple[SourceLog, ...] = field(default=(), init=False, repr=False)
     """The logs that it was trained and validated on; empty if they are not known"""
     tested_on: tuple[SourceLog, ...] = field(default=(), init=False, repr=False)
@@ -98,7 +98,7 @@ class Trainable(ABC):
         return {f.name: mine[f.name] for f in fields(self) if f.init}
 
     def with_settings(self, **changed: Any) -> Self:
-        """The same with other settings; what was learned, and from which logs, stays."""
+        """Copy with other settings; what was learned, and from which logs, stays."""
         other = replace(self, **changed)
         other.learned, other.history, other.rate_hz = self.learned, self.history, self.rate_hz
         other.covariance, other.stopped_after = self.covariance, self.stopped_after

@@ -37,7 +37,7 @@ class SourceLog:
     arm: str
     """The arm's name in the log"""
     readings_sha256: str
-    """Of its motor readings, the same for a log that was written again"""
+    """SHA-256 of the log's motor readings, the same for a log that was written again"""
     model_sha256: str = ""
     """Fingerprint of the arm that was simulated; empty if none was"""
     use: str = "train"

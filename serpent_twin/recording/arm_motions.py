@@ -34,7 +34,7 @@ _LIMITS = (
     "Each piece ends with the arm straight. Joint targets keep the range of random targets, and the twin "
     "followed each piece within the limits of joint angles and motor loads at which the real arm is stopped."
 )
-"""Of all motions, for a reader"""
+"""Sentences for a reader on the limits that all motions keep"""
 _SMALL = 0.15
 """Amplitude of small reversals, as a share of the range of targets"""
 

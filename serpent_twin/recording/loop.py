@@ -33,9 +33,9 @@ class StepReading:
     """What a step's command is decided on."""
 
     number: int
-    """Of the step, from 0"""
+    """Number of the step, from 0"""
     time: float
-    """Since the session's first reading [s]"""
+    """Time since the session's first reading [s]"""
     state: MotorState
     """Readings of the motors"""
     before: Array

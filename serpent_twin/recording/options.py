@@ -89,7 +89,7 @@ class Collect(Checked):
     real: Annotated[RealArm, REAL, when(backend="real")] = field(default_factory=RealArm)
     """The real arm, for --backend real."""
     parameters: Annotated[Parameters, SIMULATED, OF_ARM] = NOMINAL
-    """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""
+    """Free parameters of the arm, for --backend sim. The controller's gain is also the real arm's."""
 
     @property
     def arm_name(self) -> str:

@@ -60,13 +60,13 @@ class Planned:
     before: Array
     """Evidence of the logs, (R, R)"""
     after: Array
-    """With the motion's, (R, R)"""
+    """Evidence of the logs and the motion together, (R, R)"""
     kinds: tuple[str, ...]
     """What each piece of the motion is"""
     proposals: Proposals[Any]
-    """From which the pieces were chosen"""
+    """Proposed motions, from which the motion's pieces were chosen"""
     each: Sequence[Array]
-    """The evidence of each of these, [(R, R)]"""
+    """Evidence of each proposed motion, [(R, R)]"""
 
 
 def plan(config: Plan) -> Planned:

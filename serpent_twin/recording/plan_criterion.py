@@ -18,7 +18,7 @@ import scipy
 from serpent_twin.arrays import Array
 
 _LEAST_SHARE = 0.02
-"""Of a distance, what is taken as confirmed where held-out logs confirm nothing"""
+"""Share of a distance that is taken as confirmed where held-out logs confirm nothing"""
 _HIDDEN = 2.0
 """Distance from nothing, in standard deviations, up to which logs hide an effect"""
 _LEAST = 1e-12
@@ -39,7 +39,7 @@ class Question:
     free: tuple[int, ...] = ()
     """Rows of the free parameters"""
     share: float = 1.0
-    """Of the distance, what counts [1]"""
+    """Share of the distance that counts [1]"""
 
     def __str__(self) -> str:
         name = self.effect.replace("_", " ")
@@ -51,7 +51,7 @@ class Question:
         return self.share * float(np.sqrt(squares))
 
     def confirmed(self, gram: Array, chance: float) -> "Question":
-        """The same with the share of the distance at which these logs name the right one as surely as the
+        """Question with the share of the distance at which these logs name the right one as surely as the
         held-out logs did: the rest is lost to what the twin is wrong about.
         """
         whole = self.distance(gram)
@@ -59,15 +59,15 @@ class Question:
         return replace(self, share=float(np.clip(seen / max(whole, 1e-9), _LEAST_SHARE, 1.0)))
 
     def hidden(self, gram: Array) -> "Question":
-        """The same about an effect no stronger than these logs can hide: an effect that they show beyond
+        """Question about an effect no stronger than these logs can hide: an effect that they show beyond
         doubt at its typical strength would otherwise ask for nothing.
         """
         shown = float(np.sqrt(schur(gram, self.row, self.free)))
         return replace(self, share=min(1.0, _HIDDEN / max(shown, 1e-9)))
 
     def probability(self, gram: Array) -> float:
-        """That the log-likelihood ratio names the right one of effect and rival, or of effect and nothing: it
-        is normal, with mean d²/2 and variance d² at the distance d, so Φ(d / 2).
+        """Probability that the log-likelihood ratio names the right one of effect and rival, or of effect and
+        nothing: the ratio is normal, with mean d²/2 and variance d² at the distance d, so Φ(d / 2).
         """
         return float(scipy.special.ndtr(self.distance(gram) / 2))
 

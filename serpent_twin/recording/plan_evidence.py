@@ -28,7 +28,7 @@ class Rows:
     before: tuple[ParameterVector, ...]
     """The twin without each effect"""
     after: tuple[ParameterVector, ...]
-    """And with it"""
+    """The twin with each effect"""
     names: tuple[str, ...]
     """The effect's name"""
 

@@ -32,7 +32,7 @@ class SimulatedArm:
     cameras: SimulatedMocap
     """Its markers"""
     gain: float
-    """Of the arm's P controller [1/s]"""
+    """Gain of the arm's P controller [1/s]"""
 
     @classmethod
     def of(
@@ -43,7 +43,7 @@ class SimulatedArm:
         for_cameras: np.random.Generator,
         marker_loss: float = 0.0,
     ) -> "SimulatedArm":
-        """With the noise and the gain of an arm's parameters; a share of the marker readings is lost."""
+        """Arm with the noise and the gain of its parameters; a share of the marker readings is lost."""
         bus = SimulatedBus(twin, for_loads, parameters.load_noise)
         cameras = SimulatedMocap(twin, for_cameras, parameters.marker_noise, marker_loss)
         return cls(bus, cameras, parameters.controller_gain)

@@ -40,7 +40,7 @@ class Traced:
     rig: str
     """The kind of machine"""
     rate_hz: float
-    """Of its logs"""
+    """Row rate of the trace's logs [Hz]"""
     fitted: Mapping[str, ParameterVector]
     """Fits of single candidates, by the candidate's name"""
 

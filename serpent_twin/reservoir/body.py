@@ -20,19 +20,19 @@ class ReservoirResponse:
     """Response of one arm: B stretches of K command periods, replicas of the first n, and streams."""
 
     inputs: Array
-    """Of the stretches, on [−1, 1], (B, K, 9)"""
+    """Inputs of the stretches, on [−1, 1], (B, K, 9)"""
     motion: HeldResponse
-    """Of the stretches"""
+    """Response in the stretches"""
     read: Array
-    """Their channels as read, (B, K, 20)"""
+    """Channels of the stretches as read, (B, K, 20)"""
     replica: HeldResponse
-    """Of the first n stretches from other initial poses, each at rest on its motors' angles"""
+    """Response in the first n stretches from other initial poses, each at rest on its motors' angles"""
     replica_read: Array
-    """Their channels as read, (n, K, 20)"""
+    """Channels of the replicas as read, (n, K, 20)"""
     differing: Array
     """Channels as read after streams that differ, (STREAMS, 20)"""
     alike: Array
-    """The same after streams whose last inputs are alike, (STREAMS, 20)"""
+    """Channels as read after streams whose last inputs are alike, (STREAMS, 20)"""
 
 
 def simulate(point: GridPoint, measuring: Measuring) -> ReservoirResponse:

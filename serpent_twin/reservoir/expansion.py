@@ -29,7 +29,7 @@ class Expansion:
     by_degree: Array
     """Sum over the products of each total degree, index = degree, (degree + 1, M)"""
     variance: Array
-    """Of each coordinate [its unit²], (M,)"""
+    """Variance of each coordinate [its unit²], (M,)"""
     T: int
     """Rows used"""
     cut: float

@@ -19,7 +19,7 @@ from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.stored import within
 
 FORMAT = 1
-"""Of a point's file; raised when what is measured changes otherwise than by settings"""
+"""Format version of a point's file; raised when what is measured changes otherwise than by settings"""
 WINDOW, DROP = 4, 100
 """Rows that a readout sees, and first rows of a session that are not estimated. P"""
 _POSE = Group("pose error")
@@ -30,9 +30,9 @@ class GridPoint:
     """One arm, commanded in one way."""
 
     stiffness: float | None
-    """Of each strand [N/m]; None: rigid cables"""
+    """Stiffness of each strand [N/m]; None: rigid cables"""
     slack: float
-    """Of each strand [m]"""
+    """Slack of each strand [m]"""
     damping: float
     """Viscous, of each hinge [N m s/rad]"""
     rate: float
@@ -40,7 +40,7 @@ class GridPoint:
     amplitude: float
     """Joint targets lie within ± this [rad]"""
     seed: int
-    """Of inputs and noise: points of one seed have the same inputs"""
+    """Seed of inputs and noise: points of one seed have the same inputs"""
     steps: int
     """Command periods measured"""
     load_noise: float = NOMINAL.load_noise
@@ -48,7 +48,7 @@ class GridPoint:
 
     @property
     def parameters(self) -> Parameters:
-        """Of the arm; on rigid cables only the noise counts."""
+        """Parameters of the arm; on rigid cables only the noise counts."""
         if self.stiffness is None:
             return replace(NOMINAL, load_noise=self.load_noise)
         return replace(
@@ -71,7 +71,7 @@ class GridPoint:
         return numbers if self.stiffness is not None else {"load_noise": numbers["load_noise"]}
 
     def described(self) -> dict[str, Any]:
-        """By names that carry units."""
+        """Numbers of the point, by names that carry units."""
         return {
             "strand_stiffness_n_per_m": None if self.stiffness is None else float(self.stiffness),
             "strand_slack_m": float(self.slack),

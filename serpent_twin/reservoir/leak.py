@@ -22,9 +22,9 @@ class BeyondTaps:
     """Capacities of body and taps together, of the taps alone, and their difference."""
 
     together: Capacities
-    """Of states and taps"""
+    """Capacities of states and taps"""
     taps: Capacities
-    """Of the taps alone"""
+    """Capacities of the taps alone"""
 
     @property
     def by_degree(self) -> Array:

@@ -25,9 +25,9 @@ class Outcome:
     text: str
     """The file's content, JSON; nothing in it depends on where or when it was measured"""
     versions: dict[str, str]
-    """Of what computed"""
+    """Versions of the software that computed the outcome"""
     git_commit: str
-    """Of this project, there"""
+    """Commit of this project where the outcome was computed"""
     host: str
     """Name of the machine"""
     seconds: dict[str, float]

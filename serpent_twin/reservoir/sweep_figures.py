@@ -35,7 +35,7 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """Under an axis."""
+        """Label of a plot's axis: name and unit."""
         return f"{self.name} [{self.unit}]"
 
     def text(self, value: float, digits: int = 3) -> str:
@@ -51,7 +51,7 @@ AXES: Mapping[str, Axis] = {
     "amplitude": Axis("amplitude", "rad", 1.0),
     "load_noise": Axis("load noise", "% of stall", 1e2),
 }
-"""By the names of a row's numbers"""
+"""Quantities that a sweep may vary, by the names of a row's numbers"""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Layout:
     along: str
     """Name of a row's number"""
     panels: Mapping[str, Sequence[SweepRow]]
-    """By their titles"""
+    """Rows of each panel, by the panel's title"""
     left_out: int = 0
     """Panels that are not drawn"""
 
@@ -193,7 +193,7 @@ def pose_error(
 
 
 def shades(count: int) -> Array:
-    """So many colours from dark to light, for ordered values."""
+    """Colours from dark to light, `count` of them, for ordered values."""
     import matplotlib
 
     return matplotlib.colormaps[SHADES](np.linspace(0.05, 0.9, count))

@@ -29,15 +29,15 @@ class SweepRow:
     """Share of the stall torque"""
     seed: int
     capacity: Array
-    """By degree from 1, (D,); NaN in all where the simulation failed"""
+    """Capacity by degree from 1, (D,); NaN in all where the simulation failed"""
     useful: Array
-    """By degree, of channels and taps together minus taps, (D,)"""
+    """Capacity by degree of channels and taps together, minus that of the taps, (D,)"""
     noiseless: Array
-    """The same of joint angles and loads without noise, (D,)"""
+    """Capacity by degree of noiseless joint angles and loads, with the taps, minus that of the taps, (D,)"""
     memory: Array
     """Linear memory, all inputs added up, at delays from 0, (K,)"""
     mean_delay: float
-    """Of the linear memory [command periods]"""
+    """Mean delay of the linear memory [command periods]"""
     forgetting: float
     """Rate at which joints and loads, without noise, forget where they began [1/s]"""
     consistency: float

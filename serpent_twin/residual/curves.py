@@ -31,9 +31,9 @@ class Curve:
     per_unit: float
     """What a unit of the feature is in x"""
     x_label: str
-    """With its unit"""
+    """Label of the x axis, with its unit if it has one"""
     y_label: str
-    """With its unit"""
+    """Label of the y axis, with its unit"""
 
 
 def curve(comparison: Comparison, dependence: Dependence, found: JointAttribution | None) -> Curve:

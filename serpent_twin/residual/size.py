@@ -32,7 +32,7 @@ class LoadSize:
     """Errors of motor loads, root mean squares in the unit of their measure, such as % of stall or mN m."""
 
     rms: float
-    """Over all motors and rows; NaN without loads"""
+    """Root mean square load error over all motors and rows; NaN without loads"""
     by_motor: Array
     """Load error of each motor, (N,)"""
     moving: Array

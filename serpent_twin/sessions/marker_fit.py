@@ -32,9 +32,9 @@ class MarkerFit:
     rms: float
     """What is left, of a coordinate and per degree of freedom [m]."""
     to_base: Rigid
-    """From the log's frame, once unscaled, to the base frame."""
+    """Rigid transform from the log's frame, once unscaled, to the base frame."""
     scale: float
-    """Of the log's distances against the arm's."""
+    """Scale of the log's distances against the arm's."""
     joint: Array
     """Joint angles [rad], (N, 9)."""
 

@@ -51,7 +51,7 @@ def _where(wrong: np.ndarray, looked: np.ndarray) -> str:
 
 
 def _how_far(marker: Array, start: Array, undone: Array) -> str:
-    """By how much markers that are elsewhere are off, and whether they stand still."""
+    """Clause on how far markers that are elsewhere are off, and whether they stand still."""
     gone = np.flatnonzero(np.isnan(undone).all(axis=(0, 2)) & np.isfinite(marker).any(axis=(0, 2)))
     if len(gone) == 0:
         return ""

@@ -32,11 +32,11 @@ class Match:
     film: Film
     """Markers 1 … 9 in the cameras' frame, put together from the take's columns."""
     givers: list[dict[int, int]]
-    """For each marker, the number of frames that each of the take's columns gave."""
+    """Number of frames that each of the take's columns gave, for each marker."""
     explained: float
     """Share of the markers' motion that the prediction explains, up to 1."""
     runner_up: float
-    """The same at the second best place; a tie would be ambiguous."""
+    """Share of the markers' motion explained at the second best place; a tie would be ambiguous."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,7 @@ class Moment(Instant):
     dt: float | Array
     """[s], or (n, 1)"""
     time: Array
-    """Since the session began [s], (n, 1)"""
+    """Time since the session began [s], (n, 1)"""
     motor_angle: Array
     """[rad]"""
     motor_velocity: Array
@@ -69,11 +69,11 @@ class Moment(Instant):
     reading_age: Array | float = 0.0
     """How old angles, velocities and loads are when the motors report them [s], or (n, 1)"""
     marker_shift: Array | float = 0.0
-    """By which the cameras see markers elsewhere, in the base frame [m], or (n, 9, 3)"""
+    """Shift of the markers as the cameras see them, in the base frame [m], or (n, 9, 3)"""
     load_shift: Array | float = 0.0
-    """By which the motors' loads are misread, as a share of the stall torque [1], or (n, 10)"""
+    """Shift of the motors' loads as read, as a share of the stall torque [1], or (n, 10)"""
     load_scale: Array | float = 0.0
-    """And as a share of the loads themselves [1], or (n, 10)"""
+    """Scale error of the motors' loads as read, as a share of the loads themselves [1], or (n, 10)"""
 
     winch_ratio: Array | float = 1.0
     """Winch radius over the radius of the cable's pulleys [1]; of the first block, as all below"""

@@ -32,13 +32,13 @@ NAMES = {
     "marker": MARKERS,
     "load": LOADS,
 }
-"""Of the places of each kind"""
+"""Names of the places of each kind"""
 KINDS = {
     **{name: each.kind for name, each in QUANTITIES.items()},
     "marker_shift": "marker",
     **dict.fromkeys(("load_shift", "load_scale"), "load"),
 }
-"""Of the places at which each quantity is"""
+"""Kind of the places at which each quantity is"""
 _OF_MODELS = (ACTUATOR_COMMAND, READING_SHIFT)
 CHANGED = tuple(name for name in HANDLES if name not in _OF_MODELS)
 """What laws change of the arm"""
@@ -47,12 +47,12 @@ FOLLOWED = tuple(name for name in READINGS if name not in (ACTUATOR_COMMAND, "ti
 PULLS = (*FORCES, "acceleration")
 """What of that acts on the joints as torques"""
 SHIFTS = ("marker_shift", "camera_shift", "camera_turn", "link_turn")
-"""And what moves the markers as they are seen"""
+"""Shifts and turns that move the markers as they are seen"""
 JOINT_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
 LINK_MASS = np.array(ARM.link_mass)
 _MASS_BEYOND = np.cumsum(LINK_MASS[::-1])[::-1, None]
-"""Of each link and all beyond [kg], (9, 1)"""
+"""Mass of each link and all beyond [kg], (9, 1)"""
 _COM.setflags(write=False)
 
 
@@ -126,7 +126,7 @@ def shift(
 
 
 def centres_of_mass(origin: Array, rotation: Array) -> Array:
-    """Of links that are where `link_frames` says, in the base frame [m], (..., 9, 3)."""
+    """Centres of mass of links that are where `link_frames` says, in the base frame [m], (..., 9, 3)."""
     return origin + (rotation @ _COM[..., None])[..., 0]
 
 

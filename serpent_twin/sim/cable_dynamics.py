@@ -22,7 +22,7 @@ _OF_PARTS = (
 )  # fmt: skip
 """Quantities of an instant that are those of the arm's parts, unless an effect changes them"""
 _NOTHING = dict.fromkeys(("reading_age", "marker_shift", "load_shift", "load_scale"), 0.0)
-"""And those that are nothing"""
+"""Quantities of an instant that are zero, unless an effect changes them"""
 
 
 class CableDynamics(Stepper[Moment]):
@@ -67,9 +67,9 @@ class CableDynamics(Stepper[Moment]):
         self.marker_shift: Array | float = 0.0
         """Where the last moment had the cameras see the markers besides [m], or (n, 9, 3)"""
         self.load_shift: Array | float = 0.0
-        """By how much it had the loads misread, as a share of the stall torque, or (n, 10)"""
+        """Shift of the loads as read in the last moment, as a share of the stall torque, or (n, 10)"""
         self.load_scale: Array | float = 0.0
-        """And as a share of the loads themselves, or (n, 10)"""
+        """Scale error of the loads as read in the last moment, as a share of the loads, or (n, 10)"""
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array = 0.0

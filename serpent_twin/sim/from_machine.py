@@ -33,7 +33,7 @@ class Origin(stored.OpenForm, frozen=True):
     """The logs that a twin was fitted to, as `trace` states them."""
 
     input_sha256: dict[str, str] = field(default_factory=dict)
-    """Of each session's file, by its name"""
+    """SHA-256 of each session's file, by the session's name"""
     held_out: Annotated[int, stored.within(0, 1_000_000)] | tuple[str, ...] = 0
     """How many of the last sessions judged, or which ones"""
 
@@ -52,7 +52,7 @@ class MachineFile(stored.OpenForm, frozen=True):
     noise: dict[str, _Value] = field(default_factory=dict)
     """What the twin leaves of each column [m, N m]"""
     lag: _Value = 0.0
-    """Of the servos [s]"""
+    """Lag of the servos [s]"""
     arm: str = ""
     """Name of the arm whose logs made it"""
     provenance: Origin = Origin()
@@ -79,7 +79,7 @@ class MachineFile(stored.OpenForm, frozen=True):
 
     @property
     def parameters(self) -> Parameters:
-        """Those of all parts of a kind."""
+        """Parameters of all parts of a kind."""
         marker = self._left("marker*", NOMINAL.marker_noise)
         load = self._left("motor*_load", ARM.servo.stall_torque * NOMINAL.load_noise)
         return replace(
@@ -96,7 +96,7 @@ class MachineFile(stored.OpenForm, frozen=True):
 
     @property
     def tolerances(self) -> Deviations:
-        """Those of single parts, but for the velocities below which hinges creep."""
+        """Deviations of single parts, but for the velocities below which hinges creep."""
         of = self.total
         strands, motors, joints = mjcf.STRANDS, mjcf.MOTORS, mjcf.JOINTS
         places = np.stack([of(f"site {axis}", _MARKERS) for axis in "xyz"], axis=1)

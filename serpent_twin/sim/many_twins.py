@@ -36,9 +36,9 @@ class PrescribedMotion:
     motors: MotorTrajectory
     """(B, R)"""
     joint_angle: Array
-    """At the first row [rad], (B, 9)"""
+    """Joint angles at the first row [rad], (B, 9)"""
     joint_velocity: Array | float = 0.0
-    """At the first row [rad/s], or (B, 9)"""
+    """Joint velocities at the first row [rad/s], or (B, 9)"""
     servo_lag: float = 0.0
     """Time constant with which a motor takes up a new velocity after each row [s]"""
     prior_runtime: Array | float = 0.0

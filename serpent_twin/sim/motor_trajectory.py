@@ -12,7 +12,7 @@ class MotorTrajectory:
     """Motor angles and velocities; the leading axes are free, for example segments and rows."""
 
     time: Array
-    """Since each session began [s], (…)"""
+    """Time since each session began [s], (…)"""
     angle: Array
     """[rad], (…, 10)"""
     velocity: Array

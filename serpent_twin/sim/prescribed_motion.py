@@ -21,7 +21,7 @@ from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.sim.variation import Variation
 
 _LONGEST = 0.3
-"""Of a servo's lag and the age of its readings [s]"""
+"""Greatest sum of a servo's lag and the age of its readings [s]"""
 STANDING = 0.05
 """[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
 

@@ -30,15 +30,15 @@ class StretchedStrands:
     bend: Array
     """How they stiffen [N/m²], (20,)"""
     reach: Array
-    """Of the winches [m], (10,)"""
+    """Moment arms of the winches [m], (10,)"""
 
     def tension(self, stretch: Array) -> Array:
-        """At any stretch [N], (20,)."""
+        """Tension of each strand at any stretch [N], (20,)."""
         pulled = np.maximum(stretch, 0.0)
         return (self.stiffness + self.bend * pulled) * pulled
 
     def slope(self, stretch: Array) -> Array:
-        """Of the tension by the stretch [N/m], (20,)."""
+        """Derivative of each strand's tension by its stretch [N/m], (20,)."""
         return (self.stiffness + 2 * self.bend * stretch) * (stretch > 0)
 
     def winches(self, tension: Array) -> Array:
@@ -52,9 +52,9 @@ class Pushed:
     """How the arm answers to a force on any one of its links, at the pose that holds a first one."""
 
     turned: Array
-    """By how much that first force turned the joints [rad], (9,)"""
+    """Change of the joint angles by the first force [rad], (9,)"""
     load: Array
-    """And changed the motors' loads, (10,), in N m or as shares of the stall torque"""
+    """Change of the motors' loads by the first force, (10,), in N m or as shares of the stall torque"""
     turning: Array
     """Change of the joints by a further force on each link [rad/N], (9 links, 9, 3)"""
     slope: Array
@@ -66,11 +66,11 @@ class _Levers:
     """The arm's geometry at a pose, in the world's frame."""
 
     axis: Array
-    """Of the joints, (9, 3)"""
+    """Axes of the joints, (9, 3)"""
     links: Array
     """Velocity of each link's centre of mass by each joint's [m], (9, 3, 9)"""
     mass: Array
-    """The same of all masses together [kg m], (3, 9)"""
+    """Velocity of the common centre of mass by each joint's, times the whole mass [kg m], (3, 9)"""
 
     def bends(self, moved: Array, force: Array) -> Array:
         """Change of the joints' torques by their angles [N m/rad], (9, 9), as a force [N], (3,), keeps its

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 COLUMNS = ("push_link", "push_x", "push_y", "push_z")
-"""Of a log: the link that is pushed, 0 for none, and the force in the base frame [N]"""
+"""Columns of a log: the link that is pushed, 0 for none, and the force in the base frame [N]"""
 SHAPES = ("step", "ramp", "swing")
 _NUMBERS = ("link", "begin", "end", "force_x", "force_y", "force_z")
 _MOST = 50.0  # [N]: a hundred times what the arm can hold at its tip
@@ -31,7 +31,7 @@ _ADVICE = f"A push is a line of {', '.join((*_NUMBERS, 'shape'))} and, for a swi
 _SIZES = 0.1, 1.5  # [N]
 _RATES = 0.1, 1.0  # [Hz]
 _LEAST_ROOM = 0.4
-"""Of the time that a random push has, what is left without a force at least"""
+"""Least share of a random push's part of the session that is left without a force"""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Push:
     link: int
     """1 … 9"""
     force: tuple[float, float, float]
-    """In the base frame, at its greatest [N]"""
+    """Force in the base frame, at its greatest [N]"""
     begin: float
     """Time in the session [s]"""
     end: float
@@ -49,7 +49,7 @@ class Push:
     shape: str = "step"
     """step: there at once; ramp: grows evenly until the end; swing: a sine from the beginning on"""
     rate: float = 0.0
-    """Of a swing [Hz]"""
+    """Frequency of a swing [Hz]"""
 
     def at(self, time: float) -> Array:
         """The force at a time in the session [s], in the base frame [N], (3,)."""
@@ -80,7 +80,7 @@ class LinkForces:
         self._applied = batch.bind("xfrc_applied")
 
     def apply(self, pushes: Sequence[Push], time: float) -> None:
-        """From now on push as at a time in the session [s]."""
+        """Push from now on as at a time in the session [s]."""
         if not pushes:
             return
         self._applied[...] = 0.0
@@ -116,8 +116,8 @@ def read(path: Path) -> tuple[Push, ...]:
 
 
 def drawn(rng: np.random.Generator, count: int, duration: float) -> tuple[Push, ...]:
-    """So many random pushes, one in each part of a session [s]: half of them at the last link, 0.1 … 1.5 N in
-    any direction, of all shapes.
+    """Draw `count` random pushes, one in each part of a session [s]: half of them at the last link,
+    0.1 … 1.5 N in any direction, of all shapes.
     """
     part, several = duration / max(count, 1), []
     for n in range(count):

@@ -15,7 +15,7 @@ class Response:
     """Readings of simulated arms; the leading axes are free, for example twin models, segments and rows."""
 
     marker: Array
-    """In the base frame [m], (…, 9, 3)"""
+    """Marker positions in the base frame [m], (…, 9, 3)"""
     load: Array
     """Fraction of the stall torque, (…, 10)"""
     joint_angle: Array
@@ -23,7 +23,7 @@ class Response:
     jaw_angle: Array
     """[rad], (…)"""
     tension: Array
-    """In the order of `mjcf.STRANDS` [N], (…, 20)"""
+    """Tensions of the strands, in the order of `mjcf.STRANDS` [N], (…, 20)"""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:

@@ -49,8 +49,8 @@ def held_by_cables(twin: TwinModel) -> Array:
 
 
 def gives_way(twin: TwinModel, joint_angle: Array) -> Array:
-    """By how much the joints' angles on stiff cables must change for a change of the joints, (…, 9, 9), where
-    each cable's strand of either side pulls: 1 + C⁻¹ G, with the stiffness C of cables and G of gravity.
+    """Change of the joints' angles on stiff cables that a change of the joints needs, (…, 9, 9), where each
+    cable's strand of either side pulls: 1 + C⁻¹ G, with the stiffness C of cables and G of gravity.
     """
     more = np.linalg.solve(held_by_cables(twin), gravity_stiffness(joint_angle))
     return np.eye(N_JOINTS) + more

@@ -23,7 +23,7 @@ from serpent_twin.sim.response import Response
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 _GOALS, _PACES = slice(0, 2 * N_MOTORS, 2), slice(1, 2 * N_MOTORS, 2)
-"""Of the controls: actuators that effects add come after the motors"""
+"""Columns of the motors' goals and paces in the controls: actuators that effects add come after the motors"""
 _TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
 _MARKERS = slice(3 * N_MOTORS, 3 * N_MOTORS + 3 * N_JOINTS)
 _GAIN_I, _GAIN_P, _VOLTAGE = 4, 6, 7  # of a dcmotor's gainprm: mjcf.py's `controller`

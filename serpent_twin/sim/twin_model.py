@@ -27,7 +27,7 @@ from serpent_twin.sim.from_machine import Origin
 KIND = "serpent_twin design"
 """What twin.json says it is."""
 VERSION = 4
-"""Of twin.json"""
+"""Version of twin.json"""
 _LATER = (
     {("parameters", "servo_lag"): 0.0},
     {("tolerances", "jaw_held"): [0.0]},
@@ -52,9 +52,9 @@ class TwinModel:
     """The twin model of one arm; the nominal one by default."""
 
     parameters: Parameters = NOMINAL
-    """Of all parts of a kind"""
+    """Parameters of all parts of a kind"""
     tolerances: Deviations = EXACT
-    """Part by part"""
+    """Deviations of single parts"""
     effects: Several = ()
     """Effects that the nominal twin leaves out; absent ones change nothing"""
     arm: Arm = ARM
@@ -99,7 +99,7 @@ class TwinModel:
         return next((each for each in self.effects if type(each) is kind), kind())
 
     def with_effect(self, effect: Effect) -> "TwinModel":
-        """The same arm with one effect added, or replaced where it has one of its kind."""
+        """Copy of the twin model with one effect added, or replaced where it has one of its kind."""
         others = tuple(each for each in self.effects if type(each) is not type(effect))
         return replace(self, effects=(*others, effect))
 

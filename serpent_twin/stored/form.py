@@ -22,7 +22,7 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OpenForm(Form, frozen=True, forbid_unknown_fields=False):
-    """The same where further keys may be there, which nobody looks at."""
+    """Content of a file, key by key, that may have further keys, which are ignored."""
 
 
 def within(low: float, high: float, unit: str = "") -> Meta:
@@ -31,12 +31,12 @@ def within(low: float, high: float, unit: str = "") -> Meta:
 
 
 def above(low: float, high: float, unit: str = "") -> Meta:
-    """The same without the lower bound itself."""
+    """Bounds of a number, in a unit, without the lower bound itself."""
     return Meta(gt=low, le=high, title=unit)
 
 
 def many(least: int, most: int | None = None) -> Meta:
-    """So many items in a list, or at least so many and at most so many."""
+    """Number of items in a list: exactly `least`, or at least `least` and at most `most`."""
     return Meta(min_length=least, max_length=least if most is None else most)
 
 

@@ -20,7 +20,7 @@ class _UnreadableError(Exception):
 
 
 class _Twice(str):
-    """In place of an object: its keys that are given twice."""
+    """Keys that an object has twice, in place of the object."""
 
 
 def parsed_json(raw: bytes, where: str, advice: str = "") -> Any:

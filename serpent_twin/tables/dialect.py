@@ -28,9 +28,9 @@ class Dialect:
     separator: str
     decimal: str
     names: list[str]
-    """Of the columns; empty for one that has none"""
+    """Names of the columns; empty for one that has none"""
     units: list[str]
-    """Of the columns, if a line under the names has them; else empty"""
+    """Units of the columns, if a line under the names has them; else empty"""
     skip: int
     """Lines before the first row"""
 
@@ -38,7 +38,7 @@ class Dialect:
 @dataclass(frozen=True)
 class _Line:
     number: int
-    """From 0"""
+    """Number of the line, from 0"""
     cells: list[str]
     comment: bool
 

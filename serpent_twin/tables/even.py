@@ -16,11 +16,13 @@ _EXACT = 1e-3
 _JITTER = 0.02
 """Root mean square of that deviation, in rows, from which its cause is sought"""
 _NO_CLOCK = 0.25
-"""The same from which the stamps follow no even clock; of stamps at random it is 0.29"""
+"""Root mean square deviation, in rows, from which stamps follow no even clock; of random stamps it is 0.29"""
 _IN_ROW = 0.75
 """Deviation up to which each row is the next one of an even clock"""
 _FEWER = 0.5
-"""Of the deviation from a clock of the rows' numbers, what it must be from one with rows lost"""
+"""Ratio of the deviation from a clock with rows lost to that from a clock of the rows' numbers, below which
+rows are lost
+"""
 _FEW = 0.1
 """Share of rows, above which so many are not lost where the rest lie along a line: they came in bursts"""
 _BETTER = 0.9
@@ -209,8 +211,9 @@ def _rms(values: Array) -> float:
 
 
 def _with_lost(stamps: Array) -> tuple[Rows, float, float]:
-    """The same where rows may be lost: the period is that at which the stamps of the first rows agree in
-    phase, improved by the line through more and more of them.
+    """Row of an even clock for each row, when that clock begins, and its period [s], where rows may be lost:
+    the period is that at which the stamps of the first rows agree in phase, improved by the line through more
+    and more of them.
     """
     size = min(_BEGINNING, len(stamps))
     begin, period = _in_phase(stamps[:size])

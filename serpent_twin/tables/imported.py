@@ -20,7 +20,7 @@ class Conversion:
     field: str
     """Its name in the recording"""
     unit: str
-    """That of the recording"""
+    """Unit of the field in the recording"""
     scale: float = 1.0
     offset: float = 0.0
 

@@ -38,7 +38,7 @@ class Segments:
     first: NDArray[np.int64]
     """Which of its rows each begins with, (S,)"""
     time: Array
-    """Since the recording began [s], (S, T)"""
+    """Time since the recording began [s], (S, T)"""
     column: Mapping[str, Array]
     """What drives the machine, by name, (S, T, …)"""
     measured: Array
@@ -58,7 +58,7 @@ class Segments:
 
     @property
     def metadata(self) -> tuple[Mapping[str, Any], ...]:
-        """Of each one's log, (S,)."""
+        """Metadata of each one's log, (S,)."""
         return tuple(each.metadata for each in self.log)
 
     @property

@@ -27,13 +27,13 @@ class DataTable:
 
     path: Path
     columns: dict[str, Column]
-    """By name, (T,) each: numbers, datetime64[ns], timedelta64[ns], or texts and None"""
+    """Columns by name, (T,) each: numbers, datetime64[ns], timedelta64[ns], or texts and None"""
     notes: tuple[str, ...] = ()
     """Sentences on how it was read, such as of a last row that is cut off"""
     units: Mapping[str, str] = field(default_factory=dict)
     """What the file states of a column's unit, as it is written there"""
     metadata: Mapping[bytes, bytes] = field(default_factory=dict)
-    """Of a Parquet file's footer, by key"""
+    """Metadata of a Parquet file's footer, by key"""
     lengths: Mapping[str, int] = field(default_factory=dict)
     """How many values arrays have that are no columns, as they are not as long as the others"""
     conversions: Mapping[str, Any] = field(default_factory=dict)

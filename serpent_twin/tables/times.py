@@ -29,7 +29,7 @@ _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _WITH_UNIT = re.compile(rf"({_NUMBER})\s*([a-zµ]+)")
 _OF_DAY = re.compile(r"(?:(\d+) days? )?(\d+):(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
 _FORMATS = ("%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S")
-"""Of dates beside ISO's: MATLAB's default"""
+"""Formats of dates beside ISO's: MATLAB's default"""
 _DAY = 86400.0
 
 

@@ -29,7 +29,7 @@ def command_error(windows: Windows) -> float:
 
 
 def jittered(windows: Windows, size: float, rng: np.random.Generator) -> Windows:
-    """The same windows with normal errors of a standard deviation [rad/s] on all commands; 0 adds none."""
+    """Windows with normal errors of a standard deviation [rad/s] added to all commands; 0 adds none."""
     if not size:
         return windows
     commands = COMMAND * (windows.window - 1)

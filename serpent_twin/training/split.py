@@ -17,11 +17,11 @@ class Split:
     """Sessions for training, validation and test."""
 
     train: list[Session]
-    """To learn from"""
+    """Sessions to learn from"""
     validate: list[Session]
-    """For early stopping and model selection"""
+    """Sessions for early stopping and model selection"""
     test: list[Session]
-    """To score on"""
+    """Sessions to score on"""
 
     def windows(self, window: int, drop: int) -> tuple[Windows, Windows, Windows]:
         """Windows of H rows for training, validation and test."""

@@ -116,7 +116,7 @@ def _covered(row: Mapping[str, Any]) -> str:
 
 
 def _above(result: Mapping[str, Any], key: str) -> str:
-    """By how much an error is larger than another's, and whether that is beyond chance."""
+    """Difference by which an error is larger than another's, and whether that is beyond chance."""
     found = result.get(f"against_{key}")
     if not found:
         return ""

@@ -120,7 +120,7 @@ class TrainingPlan:
     wanted: list[tuple[str, int]]
     """Readouts and windows"""
     twin: KnownTwin
-    """Of readouts that have one"""
+    """Twin of the readouts that have one"""
     adaptation: adapting.Adaptation | None
     """Another arm to adapt to"""
 

@@ -42,12 +42,12 @@ class Steps:
     """Steps of each session, N together"""
 
     def less(self, other: "Steps") -> "Steps":
-        """These errors minus others of the same markers."""
+        """Errors minus those of `other`, of the same markers."""
         return Steps(self.total - other.total, self.count, self.lengths)
 
     @cached_property
     def mean(self) -> float:
-        """Over all markers and steps [mm]."""
+        """Mean error over all markers and steps [mm]."""
         return float(self.total.sum() / self.count.sum())
 
     @cached_property
@@ -66,7 +66,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Of a mean error, or of a difference of two."""
+    """Uncertainty of a mean error, or of a difference of two."""
 
     mean: float
     """[mm]"""
@@ -101,7 +101,7 @@ def steps_of(error_mm: Array, lengths: Sequence[int]) -> Steps:
 
 
 def uncertainty(steps: Steps) -> Uncertainty:
-    """Of the mean of errors, or of their differences."""
+    """Uncertainty of the mean of errors, or of their differences."""
     rows, sessions = len(steps.total), len(steps.lengths)
     if sessions >= SESSIONS:
         ends, block, blocks = np.cumsum(steps.lengths), 0, float(sessions)
@@ -141,7 +141,7 @@ class Difference:
         return self.probability < LEVEL
 
     def numbers(self) -> dict[str, object]:
-        """For scores.json."""
+        """Entries of scores.json."""
         ends = self.by.interval
         return {
             "than": self.than,

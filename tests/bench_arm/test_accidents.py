@@ -65,7 +65,7 @@ def test_a_knocked_marker_alone_moves_with_its_link(plain):
 
 
 def test_the_play_of_one_gear_holds_its_winch_back():
-    """By half the play, to either side."""
+    """The winch lags by half the play, to either side."""
     loose = Effects(accidents=(Accident("loose_gear", 0.2, 3),))
     servo = ServoBatch([SILENT], [loose])
     for command, side in ((1.0, -0.1), (-1.0, 0.1)):

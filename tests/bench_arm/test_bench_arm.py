@@ -62,7 +62,7 @@ def test_a_free_chain_keeps_its_energy(flexes):
 
 
 def test_links_and_axes_are_where_rotations_one_by_one_put_them():
-    """Of a straight arm, each joint turns all beyond it about its leaning axis."""
+    """Each joint of a straight arm turns all beyond it about its leaning axis."""
     q = np.random.default_rng(2).normal(0, 0.4, 9)
     place, seen = np.zeros(3), []
     turn = Rotation.identity()

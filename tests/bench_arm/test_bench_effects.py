@@ -27,7 +27,7 @@ IN_MARKERS = (
 
 
 def injected(name, strength=None):
-    """At a part that is drawn; what gives way does so within 11 s, before a fourth session of 6 s."""
+    """Effect at a drawn part; what gives way does so within 11 s, before a fourth session of 6 s."""
     size = TYPICAL[name] if strength is None else strength
     seed = 5 if name == "loose_strand" else 2  # of one that pulls in these 6 s
     return inject(name, size, np.random.default_rng(seed), seconds=20.0)

@@ -23,7 +23,7 @@ def run(effects=bench_arm.NONE, pushes=()):
 
 
 def test_a_push_that_lasts_acts_as_a_force_from_outside_does():
-    """From its first row on; the force from outside acts before it, too, and is forgotten after a while."""
+    """A push acts from its first row on; an outside force acts before, too, which is forgotten in a while."""
     force = (0.0, 0.3, -0.2)
     size = float(np.linalg.norm(force))
     effects = replace(

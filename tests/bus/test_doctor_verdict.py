@@ -245,7 +245,7 @@ def test_the_doctor_says_of_turns_what_the_run_says(bench, capsys):
 
 
 def assert_refused(bench: Bench, said: str) -> None:
-    """By the doctor, and by a run, which says so."""
+    """Assert that the doctor and a run refuse, the run in words that match `said`."""
     by_doctor, by_run = verdicts(bench)
     assert by_doctor and by_run and re.search(said, by_run), by_run
 

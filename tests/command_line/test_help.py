@@ -26,7 +26,7 @@ MOST = 14  # options of a group: the simulated arm has ten parameters, its file,
 
 
 def said(text):
-    """Without the boxes, rules and line breaks."""
+    """Text without the boxes, rules and line breaks."""
     return " ".join(re.sub("[│─╭╮╰╯•]|-{5,}", " ", text).split())
 
 
@@ -52,7 +52,7 @@ def test_the_package_lists_its_commands_as_each_describes_itself():
 
 
 def test_the_list_without_imports_is_what_the_imported_commands_say():
-    """By `inspect.getdoc`, in place of the source's syntax tree."""
+    """Texts by `inspect.getdoc` equal those by the source's syntax tree."""
     for name, text in verbs().items():
         module = importlib.import_module(f"serpent_twin.{name}")
         spoken = about(module.main) if hasattr(module, "main") else module.__doc__
@@ -100,7 +100,7 @@ def test_a_command_says_first_what_the_list_says_of_it_and_groups_its_options(co
 
 @pytest.mark.parametrize("command", ["trace", "bus.doctor", "log import", "mocap frame"])
 def test_a_command_may_follow_a_blank_in_place_of_its_dot(command):
-    """With the same help, which names the command as it was typed."""
+    """Help is the same with a blank, and names the command as it was typed."""
     dotted, blank = (
         typed(*words, "--help")
         for words in (

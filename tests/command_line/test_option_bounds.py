@@ -33,7 +33,7 @@ NOT = {
     (kind, "workers")
     for kind in ("AnyModel", "Confusion", "FollowStudy", "ForceStudy", "NextMotion")
 }
-"""Those that have no automatic choice, unlike others of their name"""
+"""Options that have no automatic choice, unlike others of their name"""
 
 NUMERIC = [(k, n, h) for k, kind in configs().items() for n, h, _ in options(kind) if number(h)]
 

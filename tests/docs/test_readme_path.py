@@ -58,7 +58,7 @@ CONTINUED = ("train", "sweep")
 
 
 def started(module: str, *words: str, folder: Path) -> subprocess.CompletedProcess:
-    """The same as `typed`, in a process of its own."""
+    """Run a command as `typed` does, in a process of its own."""
     environment = dict(os.environ, PYTHONPATH=str(ROOT))
     line = [sys.executable, "-m", module, *words]
     return subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True)

@@ -46,7 +46,7 @@ def swung(gap: float, begin: float = -0.5, told: float = TOLD, steps: int = 4000
 
 
 def bare(mjcf: str) -> np.ndarray:
-    """The same of a model without effects, whose hinge comes first."""
+    """Angles of the hinge of a model without effects [rad]; the hinge comes first."""
     model = mujoco.MjModel.from_xml_string(mjcf)
     data = mujoco.MjData(model)
     data.qpos[:] = [-0.5, -0.5 + GAP / 2][: model.nq]

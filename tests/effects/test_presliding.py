@@ -54,9 +54,9 @@ def test_a_hinge_with_no_compliance_is_as_it_was():
 
 @pytest.mark.parametrize("compliance", [0.0, 1e-4, 1e-3, 0.01, 0.03])
 def test_a_joint_follows_its_turning_motor_as_springs_in_series(compliance):
-    """After the motor has turned by u: u k / (k + 1 / c), with the cable's stiffness k at the hinge, until it
-    slides; the two ways lie apart by what the friction alone makes. Of a stiffness between the bristles' and
-    infinity, any is stable.
+    """A joint follows a motor's turn u by u k / (k + 1 / c), with the cable's stiffness k at the hinge, until
+    it slides; the two ways lie apart by what the friction alone makes. Any stiffness between the bristles'
+    and infinity is stable.
     """
     share, pull, stiffness = 0.2, 20.0, 5e4
     slack = (-pull / stiffness,) * 2 + (1.0,) * 18

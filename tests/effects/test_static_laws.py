@@ -63,7 +63,7 @@ def test_payload_weighs_by_hand(link, at):
 
 
 def test_payload_is_a_point_mass_of_its_own():
-    """In the link's inertia, it moves the arm as a body that is fastened to the link does."""
+    """A mass in the link's inertia moves the arm as a body that is fastened to the link does."""
     held = KNOWN["payload"](0.08, place=0.03 - 0.055 * 4)
     inside, beside = TwinModel(effects=(held,)).spec(motors=False), NOMINAL_TWIN.spec(motors=False)
     body = beside.body("link5").add_body(pos=[0.03, 0, 0])
@@ -111,7 +111,7 @@ def test_base_tilt_moves_the_plumb_line(about, joint):
 
 
 def test_cable_stiffening_is_a_parabola_beyond_the_slack():
-    """In MuJoCo, in `Moment.tension` and by hand."""
+    """MuJoCo, `Moment.tension` and a calculation by hand agree."""
     b, q = 800.0, np.full(9, -0.01)
     data = statics(KNOWN["cable_stiffening"](b), q)
     sum_of_joints = 0.01 * np.r_[1:10, 9]  # the jaw, at zero, adds nothing for cable 10

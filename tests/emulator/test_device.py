@@ -106,7 +106,7 @@ def test_lengths_and_gaps(bus):
 
 @pytest.mark.parametrize(("address", "length"), [(0, 147), (64, 83), (0, 662)])
 def test_a_block_over_gaps_reads_what_its_registers_do(bus, address, length):
-    """As the vendor's monitor reads the table; the gaps read 0."""
+    """The vendor's monitor reads the table in blocks over gaps; the gaps read 0."""
     data, result, error = bus.sdk.readTxRx(bus.port, 3, address, length)
     assert (result, error, len(data)) == (COMM_SUCCESS, OK, length)
     whole, gaps = bytes(data), bytearray(data)
@@ -209,7 +209,7 @@ def test_a_port_at_another_speed_hears_nobody(device):
 @pytest.mark.skipif(sys.platform != "linux", reason="termios2 is Linux's")
 @pytest.mark.parametrize(("rate", "answers"), [(1_000_000, 1), (985_000, 1), (960_000, 0)])
 def test_a_speed_set_as_a_plain_number_is_heard(device, rate, answers):
-    """As Rust's serialport sets it: TCSETS2 with BOTHER. A UART bears an error of 3 %."""
+    """Rust's serialport sets a speed by TCSETS2 with BOTHER. A UART bears an error of 3 %."""
     tcgets2, tcsets2, bother, all_speeds = 0x802C542A, 0x402C542B, 0o010000, 0o010017
     port = os.open(device.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     flags = struct.Struct("4I20B2I")
@@ -225,7 +225,7 @@ def test_a_speed_set_as_a_plain_number_is_heard(device, rate, answers):
 
 
 def test_lockstep_is_the_simulated_bus_word_for_word():
-    """The same commands in process and over the wire; time passes with the goals and not with reads."""
+    """Commands are the same in process and over the wire; time passes with the goals and not with reads."""
     rng = np.random.default_rng(4)
     steps = rng.integers(-12, 13, (25, 10))
     with running("--lockstep", "--seed", "6", "--rate-hz", "10", "--start-counts", "0") as device:

@@ -113,7 +113,7 @@ def test_a_linear_residual_is_found(base, other):
 
 
 def whole(windows: Windows) -> Windows:
-    """The same with all markers seen."""
+    """Windows with lost markers set to 0, so that all are seen."""
     filled = tuple(replace(s, marker=np.nan_to_num(s.marker)) for s in windows.sessions)
     return Windows(windows.window, filled, windows.rate_hz)
 

@@ -20,7 +20,7 @@ LAG = 0.5
 
 
 def windows(seed: int, rows: int = 60) -> Windows:
-    """Of stiff cables whose motors wander, at 4 Hz."""
+    """Windows of an arm with stiff cables whose motors wander, at 4 Hz."""
     time = np.arange(rows) / 4
     motor = np.cumsum(np.random.default_rng(seed).normal(0, 0.02, (rows, 10)), axis=0)
     arrays = {n: np.zeros((rows, 10)) for n in ("motor_velocity", "motor_load")}

@@ -24,7 +24,7 @@ HEAVY = SOFT.with_effect(Payload(mass=0.05))
 
 @pytest.fixture(scope="module")
 def sessions(tmp_path_factory):
-    """Of an arm that carries 50 g."""
+    """Sessions of an arm that carries 50 g."""
     folder = tmp_path_factory.mktemp("heavy")
     twin_model.write(folder / "twin.json", HEAVY, {})
     collect(Collect(folder / "logs", sessions=3, steps=240, workers=1, twin=folder / "twin.json"))
@@ -32,7 +32,7 @@ def sessions(tmp_path_factory):
 
 
 def errors_mm(sessions, twin, **settings):
-    """Of the observer, and of the filter, with the scatter that the latter chose [rad]."""
+    """Errors of the observer and of the filter [mm], and the scatter that the latter chose [rad]."""
     train, validate, test = (cut([each], 4, 40) for each in sessions)
     found = []
     for name, given in (("observer", {}), ("filtered_observer", settings)):

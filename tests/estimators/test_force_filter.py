@@ -67,7 +67,7 @@ def test_of_one_link_alone_it_is_the_kalman_filter_of_a_wandering_force():
 
 @pytest.mark.slow
 def test_chance_makes_a_contact_no_more_often_than_said():
-    """In 5 hours of noise; the threshold's mean time is at least an hour."""
+    """Noise of 5 hours makes at most 5 contacts; the threshold's mean time is at least an hour."""
     rows = round(5 * ALARM / PERIOD)
     felt = followed(rows, 9, np.zeros((rows, 3)), np.random.default_rng(3))
     touched = np.array([each.touched for each in felt])
@@ -87,7 +87,7 @@ def test_what_a_standing_motor_s_friction_can_take_up_tells_no_force_but_bounds_
 
 
 def test_a_jolt_of_one_row_is_no_contact_and_what_lasts_is_found_a_row_later():
-    """At noise of a hundredth of the loads by the force."""
+    """The noise of 0.01 is about an eighth of the loads by the force."""
     for lasts, rows in ((1, 0), (5, 4)):
         force = np.zeros((40, 3))
         force[20 : 20 + lasts] = 0.9, -0.9, 0.9

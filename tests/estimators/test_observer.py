@@ -30,7 +30,7 @@ SOFT = TwinModel(
 
 @pytest.fixture(scope="module")
 def sessions(tmp_path_factory) -> list[Session]:
-    """Of an arm of the observer's own design, with noise."""
+    """Sessions of an arm of the observer's own twin model, with noise."""
     out = tmp_path_factory.mktemp("soft")
     collect(Collect(out, sessions=3, steps=300, workers=1, parameters=SOFT.parameters))
     return read_folder(out)

@@ -107,7 +107,7 @@ def test_messages_out_of_order_are_sorted_and_counted(tmp_path):
 
 @pytest.mark.parametrize("late", [-0.6137, 0.0, 0.0213, 1.42])
 def test_a_clock_is_set_by_motion(late):
-    """To a hundredth of a row, whatever the scale and sign of what moves alike."""
+    """The delay is found to 1 ms, a twentieth of a row, whatever the scale and sign of what moves alike."""
     rng = np.random.default_rng(0)
     time = np.sort(rng.uniform(0, 6, 700))
     other = 0.8 * np.sin(2 * time) + 0.3 * np.sin(5.3 * time + 1)

@@ -103,7 +103,7 @@ def test_the_last_command_is_in_force_to_the_end(tmp_path):
 
 
 def test_a_command_within_a_row_acts_for_its_share_of_it(tmp_path):
-    """On the whole, no command comes early or late: sums of commands over time are those that were sent."""
+    """No command comes early or late on the whole: sums of commands over time are those that were sent."""
     times = SLOW + 0.007
     file = recording(tmp_path / "run.mcap", "/cmd", times)
     _, log = imported(tmp_path, [file], MAP.format(topic="/cmd", column="x", stated=""))

@@ -102,7 +102,7 @@ def test_a_topic_of_a_table_is_answered(tmp_path):
 )
 @pytest.mark.parametrize("together", [True, False])
 def test_numbers_of_a_lerobot_set_have_their_names(tmp_path, names, together):
-    """As versions 2 and 3 of the format list them."""
+    """Names are as versions 2 and 3 of the format list them."""
     data = tmp_path / "set" / "data" / "chunk-000"
     data.mkdir(parents=True)
     (tmp_path / "set" / "meta").mkdir()

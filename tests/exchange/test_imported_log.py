@@ -64,7 +64,7 @@ def machine(folder, **keys):
 
 
 def recording(tmp_path):
-    """In milliseconds and degrees, of an encoder whose sign is the other one."""
+    """Recording in milliseconds and degrees, of an encoder whose sign is the other one."""
     return table(
         tmp_path / "raw" / "run.csv",
         t=1e3 * TIME,
@@ -76,7 +76,7 @@ def recording(tmp_path):
 @pytest.mark.parametrize("scale", [1, -1])
 @pytest.mark.parametrize("names", [{"goal": "goal", "q": "q"}, {"goal": "told", "q": "elbow"}])
 def test_one_machine_toml_reads_a_recording_and_its_import(tmp_path, scale, names):
-    """In the recording's names and units, whatever the map makes of these."""
+    """The machine.toml has the recording's names and units, whatever the map makes of these."""
     imported(tmp_path, [recording(tmp_path)], MAP.format(scale=scale, **names))
     rig = machine(tmp_path / "robot")
     for folder in (tmp_path / "raw", tmp_path / "out"):

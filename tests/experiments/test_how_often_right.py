@@ -124,7 +124,7 @@ def test_arms_as_built_are_told_besides():
 
 
 def test_arms_traced_last_are_told_besides():
-    """Of those as built."""
+    """The last arms are taken from those as built."""
     early = [replace(LINE, called="payload", right=False)] * 3
     drawn = replace(LINE, generation=1)
     found = rates([*early, *[LINE] * LAST, drawn])

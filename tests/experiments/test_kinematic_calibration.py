@@ -34,7 +34,7 @@ def test_only_the_cameras_noise_is_left(measured):
 
 
 def test_lengths_are_found(measured):
-    """To 1 % rms, which is about 0.5 mm; the last link's length shows nowhere."""
+    """Lengths are right to 1 % rms, which is about 0.5 mm; the last link's length shows nowhere."""
     arm, joint, _, seen = measured
     share = np.array(calibrate(seen, joint).deviations.link_length)
     off = share[:8] - np.array(arm.length_ratio[:8]) + 1

@@ -8,7 +8,7 @@ from linear_case import GUST, NUMBERS, SEGMENTS, START, case, every
 
 from serpent_twin.identification.absorbed import (
     by_parameters,
-    told_together,
+    prefer_interior,
     without_ends,
     without_move,
 )
@@ -18,7 +18,7 @@ from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.identification.score_test import scores
 
 TAKEN = 6.0
-"""Of the second parameter, by which the calibration imitates the gust"""
+"""Change of the second parameter by which the calibration imitates the gust"""
 
 
 @pytest.fixture
@@ -110,15 +110,15 @@ def test_of_two_fits_the_better_one_is_taken(best):
     made, found = best
     worse = moved(made, found, 0.8)
     assert worse.cost > 1.1 * found.cost
-    assert told_together(made, every(), worse, found) is found
-    assert told_together(made, every(), found, worse) is found
+    assert prefer_interior(made, every(), worse, found) is found
+    assert prefer_interior(made, every(), found, worse) is found
 
 
 def test_of_two_as_good_the_one_within_is_and_its_way_to_the_other_is_not_told(best):
     made, found = best
     within = moved(made, found, -0.02)
     assert within.cost == pytest.approx(found.cost, rel=1e-3)
-    told = told_together(made, every(), found, within)
+    told = prefer_interior(made, every(), found, within)
     assert told.point is within.point
     step = between(within.point, found.point, found.free)
     seen = np.linalg.norm(np.tensordot(step, within.jacobian, 1))

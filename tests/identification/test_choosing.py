@@ -7,7 +7,7 @@ from linear_case import GUST, NOTHING, START, case, every
 
 from serpent_twin.effects import Range
 from serpent_twin.identification.acceptance import (
-    BEYOND_DOUBT,
+    DECISIVE_P,
     CandidateTrial,
     Round,
     best_trial,
@@ -145,9 +145,9 @@ def test_a_gain_beyond_doubt_shows_that_a_strength_is_not_zero():
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     one = fitted(GUST, arm, base, 0.3, 0.02)
     vague = replace(one.fit, error=one.fit.error + 1e3)
-    assert one.gain.probability_of_chance < BEYOND_DOUBT
+    assert one.gain.probability_of_chance < DECISIVE_P
     assert weakness_of_fit(vague, one.gain, {GUST: arm.candidates[GUST]}) == ""
-    likely = replace(one.gain, probability_of_chance=2 * BEYOND_DOUBT)
+    likely = replace(one.gain, probability_of_chance=2 * DECISIVE_P)
     assert "may be zero" in weakness_of_fit(vague, likely, {GUST: arm.candidates[GUST]})
     pair = {GUST: arm.candidates[GUST], NOTHING: arm.candidates[NOTHING]}
     both = replace(vague, point=vague.point.having(NOTHING, np.array([0.1])))
@@ -178,8 +178,8 @@ def test_places_are_also_tried_of_what_the_best_can_be_confused_with():
 
 
 def test_where_a_third_or_more_goes_held_out_logs_need_only_confirm_it():
-    """Of an arm whose cables creep and soften, five sessions: one effect took 64 % of what was left, in each
-    of 15 blocks, which may be chance with a probability of 0.023.
+    """The numbers are of an arm whose cables creep and soften, five sessions: one effect took 64 % of what
+    was left, in each of 15 blocks, which may be chance with a probability of 0.023.
     """
 
     def doubt(relative: float, chance: float) -> str:

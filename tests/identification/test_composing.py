@@ -93,7 +93,7 @@ def test_an_effect_that_the_last_fit_brings_to_nothing_is_left_out(strength, tmp
 def test_a_named_effect_that_explains_as_much_takes_the_place_of_a_law(
     explains, taken, monkeypatch
 ):
-    """As a payload that a calibration absorbed, of which a law at a place remained."""
+    """A payload that a calibration absorbed leaves a law at a place, which the payload then replaces."""
     arm, law = case(0.7), "discovered@force of tip: linear joint_angle of hinge"
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     named = fit(arm, every(), START.having(GUST, [0.3]), free_parameters(arm, (GUST,)), 2, 99)

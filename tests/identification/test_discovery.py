@@ -69,7 +69,7 @@ def test_a_law_that_made_a_residual_is_found_first(law):
 
 
 def test_a_wave_is_measured_by_what_free_parameters_leave_of_it():
-    """Beside a free mean, the sine and the cosine of a part of a turn are alike, and are solved together."""
+    """The sine and the cosine of a part of a turn are alike beside a free mean, and are solved together."""
     wave = "joint_torque of joint1: periodic motor_angle of motor2"
     made = Made(Discovered(1.0, at=wave, first=3.0, second=-0.4), noise=0.05)
     made.fit.jacobian[0] = made.responses[0].change[0].reshape(S, -1)

@@ -108,7 +108,7 @@ def test_machines_whose_joints_are_read_start_at_their_model(tmp_path):
 
 
 def test_a_fit_begins_where_the_machine_says(tmp_path):
-    """Of what is listed, which is no finding; all else begins as the model has it."""
+    """A listed start is also the nominal value, so no finding; all else begins as the model has it."""
     path = moving_models.machine(tmp_path / "machine")
     listed = '[[uncertain]]\nnumber = "joint damping"\nof = ["*"]\nprior = 1.0\nbegin = -0.5\n'
     path.write_text(path.read_text() + listed)

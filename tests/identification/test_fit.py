@@ -177,7 +177,7 @@ def test_a_gain_on_every_segment_is_beyond_chance_and_noise_is_not():
 
 @pytest.mark.parametrize("correlation", [0.0, 0.3, 0.6])
 def test_false_alarms_at_one_per_cent_stay_at_one_per_cent(correlation):
-    """Of gains that are zero in the mean and alike from block to block, in few and in many segments."""
+    """Gains are zero in the mean and correlated from block to block, in few and in many segments."""
     rng, draws = np.random.default_rng(3), 3000
     for segments in (2, 4, 7, 13):
         noise = rng.standard_normal((draws, segments, 5))

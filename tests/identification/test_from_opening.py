@@ -107,7 +107,9 @@ class LimitCase(LinearCase):
 
 
 def test_a_law_that_does_nothing_at_its_score_is_sought_where_it_does():
-    """As a limit of a force that is not reached: its score is of a strength at which it was."""
+    """The score of a force limit is of a strength at which the limit was reached; at the estimated strength
+    it may not be.
+    """
     made = case(0.05)
     limit = LimitCase(made.X, made.g, made.other, made.y)
     opening = opening_fit(limit, every())
@@ -172,8 +174,8 @@ def test_a_mass_that_is_not_there_is_no_friction(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("tool", "named"), [(0.5, ["payload@tip"]), (0.22, [])])
 def test_a_mass_far_from_what_was_built_is_a_payload(tmp_path, tool, named):
-    """Of a tool of 0.2 kg, whose mass takes up what it carries, on a servo whose gain is known; a tenth more
-    is how parts are built.
+    """The mass of a tool of 0.2 kg absorbs what it carries, on a servo whose gain is known; a tenth more is
+    how parts are built.
     """
     toml = TOML.replace('"hinge_', '"payload@tip", "hinge_')
     toml = f'{toml}uncertain = [{{ number = "actuator gain", of = ["servo"], prior = 0.03 }}]\n'

@@ -31,7 +31,7 @@ class Unjudged(tried.Trials):
 
 @pytest.mark.parametrize(("law", "little", "goes_on"), [(1, 1, False), (1, 0, True), (0, 1, True)])
 def test_a_fit_that_is_half_way_goes_on(tmp_path, monkeypatch, law, little, goes_on):
-    """That of a composed law only where much is left: elsewhere first order is right enough."""
+    """A fit of a composed law goes on only where much is left: elsewhere first order is right enough."""
     arm = case(0.7)
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     monkeypatch.setattr(tried, "full_fit", lambda *a: replace(full_fit(*a), converged=False))
@@ -53,7 +53,7 @@ class Blind(Unjudged):
 
 
 def test_what_another_outdid_is_fitted_whatever_the_score_test_says(tmp_path):
-    """From a tenth of the strength that it had alone."""
+    """The fit starts from a tenth of the strength that the effect had alone."""
     arm = case(0.7)
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     trials = Blind(every(), every(), Checkpoints(tmp_path, Stopwatch()), lambda _: None)

@@ -91,7 +91,7 @@ def test_fits_to_other_segments_are_compared_on_those_of_both():
 
 
 def test_what_acts_in_few_blocks_is_judged_by_these():
-    """Beside many blocks that say nothing, the gain of few looks like chance."""
+    """Many blocks that say nothing make the gain of few look like chance."""
     arm = law(ONCE, 0.7)
     acts = np.arange(len(every()))[:, None] < 2
     arm = replace(arm, g=arm.g * acts, y=arm.y - 0.7 * arm.g * ~acts)

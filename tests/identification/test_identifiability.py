@@ -9,7 +9,7 @@ import pytest
 from linear_case import GUST, NOTHING, START, LinearCase, case, every
 
 from serpent_twin.identification import detection
-from serpent_twin.identification.acceptance import WORTH_IT
+from serpent_twin.identification.acceptance import MIN_GAIN
 from serpent_twin.identification.detection import identifiability
 from serpent_twin.identification.excitation import excitation
 from serpent_twin.identification.fitting.free_parameters import free_parameters
@@ -179,7 +179,7 @@ def test_a_strength_at_the_gain_limit_betters_the_error_by_what_an_accepted_effe
         one, other = ((r[:, which] ** 2).sum() for r in (left, left + change))
         gains.append(1 - np.sqrt(one / (one + (change[:, which] ** 2).sum())))
         assert other == pytest.approx(one + (change[:, which] ** 2).sum(), rel=0.02)
-    assert np.mean(gains) == pytest.approx(WORTH_IT, rel=0.02)
+    assert np.mean(gains) == pytest.approx(MIN_GAIN, rel=0.02)
     assert found.limit == max(found.by_gain, found.by_scatter)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from bench_arm import NONE, Job, draw, inject, record_many
 from serpent_twin import machines
-from serpent_twin.identification.acceptance import SURE
+from serpent_twin.identification.acceptance import MIN_Z
 from serpent_twin.identification.check_logs import Check, check
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.first_guess import guessed
@@ -51,7 +51,7 @@ def opened(logs):
 
 @pytest.fixture(scope="module")
 def limit(root):
-    """That of the effect, from logs of the arm without it."""
+    """Detection limit of the effect, from logs of the arm without it."""
     case, pieces, opening, effect = opened(record(root / "clean"))
     found = identifiability(
         case, pieces, opening, scores(case, pieces, opening, [effect]), lambda _, make: make()
@@ -77,9 +77,9 @@ def test_twice_the_limit_that_is_told_is_beyond_three_standard_errors_and_a_clea
     assert limit.told and 0 < limit.by_scatter < limit.by_gain == limit.limit
     zero, error = score_test(root / "clean")
     found, spread = score_test(record(root / "strong", 2 * limit.limit))
-    assert found > SURE * spread
+    assert found > MIN_Z * spread
     assert found > 2 * zero
-    first_order = SURE * error  # a fit of everything takes up more where hinges stick
+    first_order = MIN_Z * error  # a fit of everything takes up more where hinges stick
     assert limit.by_scatter > 0.5 * first_order
 
 

@@ -136,7 +136,7 @@ def test_a_parameter_that_is_not_as_built_is_named_with_what_it_may_stand_for():
 
 
 def test_of_many_numbers_the_furthest_is_further_off_by_chance():
-    """Of 110 numbers as they are built, one is off by more than 3.0 widths in a quarter of all cases."""
+    """Chance puts one of 110 numbers as built off by more than 3.0 widths in a quarter of all cases."""
     off = np.abs(np.random.default_rng(0).standard_normal((4000, 110))).max(axis=1)
     assert too_far(1) == 3.0
     assert (off > 3.0).mean() > 0.2 and (off > too_far(110)).mean() < 0.005
@@ -201,8 +201,8 @@ def test_beside_a_strength_at_its_limit_others_are_tested_as_if_it_were_held():
     [(1.0, 0.0, BESIDE_OTHERS), (10.0, 7.0, WORTH_A_FIT), (10.0, 8.0, BESIDE_OTHERS)],
 )
 def test_beside_effects_that_left_little_a_candidate_must_remove_more(left, complete, least):
-    """Of noise of 1 mm: below three times it, there is little left to explain; and where noise at the start
-    of runs makes what is left.
+    """Errors leave little to explain below three times a noise of 1 mm, and where noise at the start of runs
+    makes them.
     """
     arm = case(0.7)
     machine = SimpleNamespace(

@@ -65,7 +65,7 @@ def test_an_effect_without_which_the_simulation_is_unstable_stays():
     ids=["off in several parts", "off in one part alone"],
 )
 def test_a_large_gain_needs_few_blocks_to_show_it(far_off, chance, goes):
-    """Of an effect without which a twin is far off, now more and now less."""
+    """A twin without the effect is far off, now more and now less."""
     arm = case(0.7)
     base = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
     (score,) = scores(arm, every(), base, [arm.candidates[GUST]])

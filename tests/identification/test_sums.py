@@ -32,7 +32,9 @@ def _rows(motion, scale):
 
 @pytest.mark.parametrize("adapts", [False, True])
 def test_products_of_changes_are_those_of_what_they_show(adapts):
-    """Of many changes by those of single rows, of few from what they show; of each next one as well."""
+    """Sums of many changes are by those of single rows, sums of few by what they show; products with each
+    next change are checked as well.
+    """
     place = _place(adapts)
     scale = RNG.uniform(0.5, 2.0, (S, T, C)) * (RNG.uniform(size=(S, T, C)) > 0.1)
     rows, changes = _rows(place.motion, scale), Changes(RNG.normal(size=(W, S * T)))

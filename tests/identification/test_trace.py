@@ -142,7 +142,7 @@ def test_a_copy_with_markers_put_in_anew_is_refused(logs, tmp_path):
 
 
 def test_a_machine_toml_of_the_arm_is_the_arm():
-    """By its name, and by the folder of its description."""
+    """The arm is found by its name, and by the folder of its description."""
     assert machines.named("arm", Path("model")) == machines.named("arm", None) == "arm"
     rig, named = machines.find(str(Path("model/machine.toml").resolve())), machines.find("arm")
     assert type(rig) is type(named) and machines.made_of(rig) == machines.made_of(named)

@@ -83,7 +83,7 @@ def test_a_start_that_is_unstable_is_an_error():
 
 @pytest.mark.parametrize("far", [1e30, np.nan])
 def test_a_fit_takes_the_usual_steps_where_longer_ones_explode(far):
-    """In one segment: what long steps are off by there would hide what a step of the fit changes."""
+    """Errors of long steps in one segment would hide what a step of the fit changes."""
 
     @dataclass(frozen=True)
     class Exploding(LinearCase):
@@ -98,7 +98,7 @@ def test_a_fit_takes_the_usual_steps_where_longer_ones_explode(far):
 
 
 def test_a_fit_takes_the_usual_steps_where_longer_ones_say_something_else_each_time():
-    """As where joints stick and slip: that would hide what the last steps gain."""
+    """Long steps vary as where joints stick and slip: that would hide what the last steps gain."""
     rng = np.random.default_rng(1)
 
     @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def test_a_fit_that_can_begin_nowhere_is_none_and_ends_nothing(tmp_path):
 
 
 def test_an_effect_that_no_strength_of_is_stable_is_said_to_be_untested(tmp_path):
-    """In its verdict, with a reason, in the cautions, and after the stage is read back."""
+    """The verdict says with a reason that the effect is untested, as do the cautions, also when read back."""
     arm = fragile(gust=0.0)
     base = base_of(arm)
     notes = Checkpoints(tmp_path, Stopwatch())

@@ -65,7 +65,7 @@ class TwoServos(PulledSpring):
 
 
 def fitted(arm, last):
-    """From where all forces are by a third too large."""
+    """Fit that starts where all forces are by a third too large."""
     start = ParameterVector(np.full(2, 0.3), {GUST: np.array([FORCE * np.exp(0.3)])})
     return fit(arm, every(), start, free_parameters(arm, [GUST]), 3, 99, rounds=8 * last)
 

@@ -144,7 +144,7 @@ def test_what_remembers_begins_where_the_program_begins(arm, shape):
     ],
 )
 def test_actuators_are_told_what_a_trace_tells_them(arm, lacks):
-    """In each part of a row, from a log that begins at rest, with a calibrated scale and zero."""
+    """Commands agree in each part of a row, for a log that begins at rest, with calibrated scale and zero."""
     twin = arm.twin(lacks, {"zero of at_elbow": 3.0, "scale of the drives": 0.05})
     path, machine, pieces = arm.write(twin), arm.case.machine, arm.pieces
     resting = {n: np.c_[np.repeat(v[:, 9:10], 10, 1), v[:, 10:]] for n, v in pieces.column.items()}

@@ -79,7 +79,7 @@ def test_a_loop_that_is_late_goes_on_where_the_path_is_by_then(config, monkeypat
 
 
 def test_what_is_rounded_off_a_speed_is_made_up_for(config, monkeypatch):
-    """Without a gain, motors still end where the sum of the asked speeds would bring them."""
+    """Motors without a gain still end where the sum of the asked speeds would bring them."""
     monkeypatch.setattr(steering, "_GAIN", 0.0)
     asked, commanded = [], PathSteering.command
 
@@ -96,7 +96,7 @@ def test_what_is_rounded_off_a_speed_is_made_up_for(config, monkeypatch):
 
 
 def test_motors_that_report_late_turn_in_time(config):
-    """Those that turned as late as they report would be 3.5 mm off."""
+    """Motors that turned as late as they report would be 3.5 mm off."""
     twin_model.write(config.twin, SOFT.with_effect(MotorLatency(delay=0.2)), {})
     assert follow(replace(config, rate_hz=20.0))["marker9_error_mm"]["rms"] < 2.0
 

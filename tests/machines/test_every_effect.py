@@ -188,7 +188,7 @@ def test_zero_is_the_nominal_twin_bit_for_bit(machine, name):
 
 @of_machines
 def test_a_typical_strength_shows(machine, name):
-    """By more than rounding: 10 µm, 0.01 % of the stall torque, 10 µrad or 10 µN m somewhere."""
+    """The change is more than rounding: 10 µm, 0.001 % of the stall torque, 10 µrad or 10 µN m somewhere."""
     respond = BENCHMARKS[machine].respond
     shown = respond((made(machine, name),)) - respond(())
     assert np.abs(shown).max() > 1e-5
@@ -204,7 +204,7 @@ def test_runs_side_by_side_are_the_runs_alone(machine, name):
 
 @of_machines
 def test_a_second_at_the_end_of_the_range_is_finite(machine, name):
-    """In places that are metres or radians, and not out of all proportion."""
+    """Responses in metres or radians are finite, and not out of all proportion."""
     found = BENCHMARKS[machine].candidates[name]
     values = dict(zip(found.ranges, found.variants[0], strict=True))
     strength, allowed = next(iter(found.ranges.items()))
@@ -265,8 +265,8 @@ def pulled(arm, first, off=0.0):
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE.keys() - {"cable_friction"}))
 def test_memory_alone_outlives_a_restart(name):
-    """After a restart, an arm that remembers pulls otherwise than a fresh one: what forgets within 10 rows
-    may begin every segment anew.
+    """An arm that remembers pulls otherwise after a restart than a fresh one: what forgets within 10 rows may
+    begin every segment anew.
     """
     arm = TwinModel(effects=CATALOGUE[name].variants()[:1])
     long, short = pulled(arm, 0), pulled(arm, 30)
@@ -274,7 +274,7 @@ def test_memory_alone_outlives_a_restart(name):
 
 
 def test_what_bristles_hold_counts_as_a_pose_that_is_off_by_their_deflection():
-    """So that hinges which give way may begin every segment anew, too."""
+    """Hinges which give way may thus begin every segment anew, too."""
     arm = TwinModel(effects=CATALOGUE["cable_friction"].variants()[:1])
     long, short, off = pulled(arm, 0), pulled(arm, 30), pulled(arm, 30, 1e-3)
     assert np.abs(long - short).max() < 1.5 * np.abs(off - short).max()

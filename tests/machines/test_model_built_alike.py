@@ -48,7 +48,7 @@ measured = [{ joint = "ankle", columns = ["e"], unit = "rad" }]
 
 
 def test_copies_of_one_part_change_together_and_what_happens_to_be_equal_does_not(tmp_path):
-    """And what is fixed to the world has no mass that a motion could show."""
+    """A body that is fixed to the world has no mass that a motion could show."""
     Example(MJCF, TOML).write(tmp_path)
     found = {each.declared.name for each in coordinates(read(tmp_path / "machine.toml"))}
     for number, moved in (

@@ -98,7 +98,7 @@ def test_joints_that_nothing_measures_are_named_and_how_they_begin(tmp_path):
 
 
 def test_a_start_that_nothing_explains_is_named_by_log_and_channel(tmp_path):
-    """Of an arm beside a cube, the first readings are off by what no state of either makes."""
+    """The first readings of an arm beside a cube are off by what no state of either makes."""
 
     def shaken(angle):
         first = np.arange(len(angle)) < 14

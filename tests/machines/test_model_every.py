@@ -75,7 +75,7 @@ def test_a_motion_is_planned_where_some_rows_are_used(tmp_path):
 
 
 def test_one_step_for_each_command_converges_with_the_square_of_the_step(tmp_path):
-    """Of a spring that hardly anything damps, as an implicit step of damping is of first order."""
+    """The spring is hardly damped, as an implicit step of damping is of first order."""
     slow = MJCF.replace('timestep="0.002"', 'timestep="0.01"').replace(
         '"20" kv="0.6"', '"2" kv="0"'
     )

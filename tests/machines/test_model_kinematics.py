@@ -75,7 +75,7 @@ def places(angle, other):
 
 
 def angles(t, n):
-    """Of both joints, at times of session n."""
+    """Angles of both joints [rad], at times of session n [s]."""
     return 0.7 * np.sin(0.9 * t + n), 0.2 + 0.9 * np.sin(1.7 * t + 2 * n)
 
 
@@ -149,7 +149,7 @@ def test_noise_of_sites_is_what_no_pose_explains(sessions):
 
 
 def test_segments_begin_where_the_guessed_machine_has_its_sites(sessions):
-    """In the angles that the machine had; by the model's own lengths, a centimetre off, in others."""
+    """Segments begin in the angles that the machine had; model lengths, a centimetre off, give others."""
     rig, logs = sessions
     case = rig.open(logs)
     off = []

@@ -9,7 +9,7 @@ from serpent_twin.machines.model import open_machine
 
 
 def test_a_mass_that_is_added_takes_nothing_from_the_others(tmp_path):
-    """In a model whose masses are scaled to a total when it is compiled."""
+    """Masses of this model are scaled to a total when it is compiled."""
     path = posed_models.machine(tmp_path)
     model = path.with_name("arm.xml")
     own = open_machine(path).described.model

@@ -38,7 +38,7 @@ def test_a_law_moves_a_model_as_the_effect_that_says_the_same(arm, at, values, n
 
 
 def test_friction_acts_in_a_model_that_has_turned_constraints_off(tmp_path):
-    """As in the suites of dm_control: what a law adds must hold there, too."""
+    """Models of dm_control's suites turn constraints off: what a law adds must hold there, too."""
     path = moving_models.machine(tmp_path)
     (model,) = tmp_path.glob("*.xml")
     off = '<mujoco><option><flag constraint="disable"/></option>'

@@ -22,7 +22,9 @@ def chain(tmp_path_factory):
 
 
 def by_statics(pieces, law=None, slack=None):
-    """The same by statics, with torques (3,) of angles, or slack (2,) of tensions and the row's number."""
+    """Measured places [m], (S, T, 6), by statics, with a law's torques (3,) of angles, or with slack (2,) of
+    the row's number.
+    """
     told = np.stack([pieces.column["left"], pieces.column["right"]], axis=-1)
     out = np.empty((*told.shape[:2], 6))
     for s, t in np.ndindex(told.shape[:2]):
@@ -66,7 +68,7 @@ def test_a_law_moves_a_model_at_rest_as_statics_say(chain, at, values, law):
 
 
 def test_a_cable_that_stretches_by_its_tension_is_a_softer_one(chain, monkeypatch):
-    """By the tension that it would have at this length without."""
+    """The stretch is by the tension that the cable would have at this length without the law."""
     found = chain.shown("slack of right: linear tension of right", numbers(0.01))
     usual = by_statics(chain.pieces)
     monkeypatch.setattr(hanging_models, "STIFFNESS", np.array([60.0, 60.0 * (1 - 60.0 * 0.01)]))
@@ -164,7 +166,7 @@ def arm(tmp_path_factory):
 
 
 def test_a_law_holds_where_dry_friction_does(arm):
-    """As a spring of the joint in the model."""
+    """The law acts as a spring of the joint in the model does."""
     friction = {"hinge_friction@elbow": [0.05, 0.0]}
     usual = arm.shown(**friction)
     law = "joint_torque of elbow: linear joint_angle of elbow"

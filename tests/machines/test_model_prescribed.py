@@ -36,13 +36,13 @@ def opened(path, log, steps=0):
 
 
 def traced(tmp_path, **how):
-    """Of three motions, measured so coarsely that few time steps a row are exact enough."""
+    """Trace of three motions, measured so coarsely that few time steps a row are exact enough."""
     toml = swinging_models.TOML.replace("noise = 0.0005", "noise = 0.002")
     return replace(swinging_models.EXAMPLE, toml=toml).traced(tmp_path, 3, noise=2e-3, **how)
 
 
 def test_the_elbow_swings_as_its_equations_say_where_the_shoulder_is_moved(tmp_path):
-    """And first order in the time step: forces of speeds are of those half a step before."""
+    """Errors are first order in the time step: forces of speeds are of those half a step before."""
     path = swinging_models.machine(tmp_path)
     log = swinging_models.log(tmp_path / "log.csv", 0, noise=0.0)
     off = [np.nanmax(np.abs(opened(path, log, steps)[2])) for steps in (32, 128, 512)]

@@ -59,7 +59,7 @@ LAWS = {
 
 @pytest.mark.parametrize(("at", "channel", "least"), [(*of, least) for of, least in LAWS.items()])
 def test_a_change_shows_as_places_say_to_first_order(arm, at, channel, least):
-    """In the elbow's angle, and in the torque that moves the shoulder."""
+    """Changes show in the elbow's angle, and in the torque that moves the shoulder."""
     found, told = arm.change(at)
     assert_alike(found[..., channel], told[..., channel], least)
 
@@ -85,7 +85,7 @@ def test_what_a_prescribed_joint_takes_up_is_no_place(arm):
 
 @pytest.mark.slow
 def test_a_torque_within_a_window_of_the_free_joint_s_angle_is_composed_there(tmp_path):
-    """Of logs that equations make which know nothing of MuJoCo."""
+    """Logs are made by equations which know nothing of MuJoCo."""
     path, noise = swinging_models.machine(tmp_path / "arm"), 2e-3
     text = path.read_text().replace("noise = 0.0005", f"noise = {noise}")
     path.write_text(f'candidates = ["gravity"]\n{text}')

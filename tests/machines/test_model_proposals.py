@@ -35,7 +35,7 @@ def lever(folder, **how):
 
 
 def with_tip(folder):
-    """The same, of which the place of the tip is measured."""
+    """A lever that swings slowly and its log of 8 s, in which the place of the tip is measured."""
     path, log = lever(folder)
     model = path.with_name("lever.xml")
     tip = '<site name="tip" pos="0 0 -0.25"/></body>'

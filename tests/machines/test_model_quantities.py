@@ -86,7 +86,7 @@ def test_lengths_of_tendons_and_forces_of_actuators_are_those_of_statics(tmp_pat
 
 
 def test_what_is_not_of_the_pose_comes_after_it(tmp_path):
-    """In whatever order a file has them; a sensor of three numbers has three names."""
+    """Outputs of the pose come first in any order of a file; a sensor of three numbers has three names."""
     path = posed_models.machine(tmp_path)
     model = path.with_name("arm.xml")
     seat = '<sensor><force name="seat" site="tip"/></sensor></mujoco>'
@@ -117,7 +117,7 @@ def test_what_is_not_of_the_pose_comes_after_it(tmp_path):
 
 
 def test_a_late_reading_is_late_at_its_own_place_only(tmp_path):
-    """Of two sites, three columns each."""
+    """Two sites are measured, three columns each."""
     path = posed_models.machine(tmp_path)
     model = path.with_name("arm.xml")
     upper = '<site name="bend" pos="0.3 0 0"/>\n      <body name="lower"'

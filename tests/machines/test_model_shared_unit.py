@@ -53,7 +53,7 @@ def test_degrees_that_are_stated_as_radians_are_refused_where_the_lever_weighs(t
 
 
 def test_radians_that_are_stated_as_degrees_are_refused_by_how_the_lever_sags(tmp_path):
-    """By 0.18 rad where it is level; one that hangs is linear, and shows no unit."""
+    """A level lever sags by 0.18 rad; one that hangs is linear, and shows no unit."""
     assert opened(tmp_path / "hanging", FREE, "deg", 1 / np.degrees(1.0))
     with pytest.raises(SerpentError, match=r"much better if all of them were in rad, not deg"):
         opened(tmp_path, LEVEL, "deg", 1 / np.degrees(1.0))

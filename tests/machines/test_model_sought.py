@@ -80,7 +80,7 @@ def test_joints_that_nothing_measures_are_named(tmp_path):
 
 
 def test_a_finger_that_follows_a_measured_one_is_known(tmp_path):
-    """By an equality of the model."""
+    """An equality of the model makes the finger follow."""
     path = tmp_path / "hand"
     assert "the hinge j19" in " ".join(opened(path, measured=JOINTS - 1).not_sought)
     model = path / "chain.xml"

@@ -80,7 +80,7 @@ def test_at_rest_its_energy_is_least(goal):
 
 @measured
 def test_it_forgets_in_its_lead_how_it_was():
-    """From a state far from that in which segments begin, it comes to the same motion."""
+    """The trunk comes to the same motion from a state far from that in which segments begin."""
     rig = open_machine(FOLDER / "machine.toml")
     (run,) = rig.read(MEASURED / "controlled_1.parquet")
     model, period = rig.described.model, run.period / rig.described.about.every

@@ -57,7 +57,7 @@ def test_steady_friction_does_not_settle(tmp_path):
 
 
 def test_its_law_has_the_right_numbers(warm):
-    """Beside the friction of the warm joint."""
+    """The law is fitted beside the friction of the warm joint."""
     path, logs = warm
     case, pieces, begun = opened(path, logs)
     names = ["hinge_friction@pivot", "friction_warming@pivot"]

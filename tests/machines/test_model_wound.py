@@ -126,7 +126,7 @@ def test_sites_place_the_joints_that_move_them(winch):
 
 
 def test_a_comparison_has_the_hinges_that_sites_place(winch):
-    """In the frame in which sites are seen, which points elsewhere: angle, axis and what a rotation moves."""
+    """Angle, axis and motion by a rotation are in the frame of the measured sites, which points elsewhere."""
     rig, sessions, _ = winch
     case = rig.open(sessions)
     seen = case.compare(None, case.pieces(sessions))

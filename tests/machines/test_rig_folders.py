@@ -44,7 +44,7 @@ def test_another_arm_s_folder_is_refused(folders):
 
 
 def test_logs_of_another_calibration_or_clock_are_refused(folders):
-    """With what differs, and where: the zero of one motor; rows that are 5 % further apart."""
+    """Errors state what differs, and where: the zero of one motor; rows that are 5 % further apart."""
     path = folders[1] / "session_01.parquet"
     other = read_session(path)
 

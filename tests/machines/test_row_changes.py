@@ -58,7 +58,7 @@ def test_a_damped_cart_follows_its_closed_form():
     found, _ = changes(SLIDE.format(joint='damping="3"', more=""), 1.0)
     kept = 1 / (1 + 3 * DT / 2)
     rates = kept ** np.arange(1, K + 1)
-    assert found.goes_on[0, 0] == pytest.approx(np.array([[1, DT * rates.sum()], [0, rates[-1]]]))
+    assert found.A[0, 0] == pytest.approx(np.array([[1, DT * rates.sum()], [0, rates[-1]]]))
     by_force = DT / 2 * kept * (1 - kept**K) / (1 - kept)
     assert found.by_force[0, 0, 0, 0, 1] == pytest.approx(by_force)
 
@@ -67,9 +67,9 @@ def test_a_cart_that_slides_keeps_changes_and_one_that_sticks_loses_them():
     cart = SLIDE.format(joint='frictionloss="1"', more="")
     found, left = changes(cart, 0.1)  # stops after 0.2 s
     assert abs(left) < 1e-3
-    assert found.goes_on[0, 0, 1, 1] == pytest.approx(1.0)
+    assert found.A[0, 0, 1, 1] == pytest.approx(1.0)
     assert found.by_friction[0, 0, 0, 1] == pytest.approx(-K * DT / 2, rel=1e-3)
-    assert abs(found.goes_on[0, -1, 1, 1]) < 0.5  # creeps as MuJoCo's constraint does
+    assert abs(found.A[0, -1, 1, 1]) < 0.5  # creeps as MuJoCo's constraint does
     assert found.by_friction[0, 0, -1, 1] == 0.0
 
 
@@ -79,7 +79,7 @@ def test_other_friction_shows_as_it_changes_where_the_cart_stops():
     found, _ = changes(cart, 0.1, others=[more])
     state = np.zeros(2)
     for t in range(ROWS):
-        state = found.goes_on[0, t] @ state + found.by_friction_of[0, 0, t]
+        state = found.A[0, t] @ state + found.by_friction_of[0, 0, t]
     assert state[0] == pytest.approx(-1e-4 * 2 * 0.1**2 / 2, rel=0.1)
 
 
@@ -90,9 +90,9 @@ def test_a_cable_pulls_in_the_steps_in_which_it_is_taut():
     shows = found.by_slack[0, 0, :, 1]
     assert np.all(shows[:2] == 0.0)
     assert shows[3] == pytest.approx(300 / 2 * K * DT, rel=0.05)
-    assert found.goes_on[0, 0] == pytest.approx(np.array([[1, K * DT], [0, 1]]))
+    assert found.A[0, 0] == pytest.approx(np.array([[1, K * DT], [0, 1]]))
     w = np.sqrt(300 / 2) * K * DT
-    assert found.goes_on[0, 4, 1, 1] == pytest.approx(np.cos(w), abs=0.01)
+    assert found.A[0, 4, 1, 1] == pytest.approx(np.cos(w), abs=0.01)
 
 
 def logged(module, folder):

@@ -15,13 +15,13 @@ def both():
 
 
 def test_markers_agree(both):
-    """Within 0.05 mm, in the mean over all markers and rows."""
+    """Markers agree within 0.05 mm, in the mean over all markers and rows."""
     found, own, _ = both
     apart = np.linalg.norm((found - own)[..., :27].reshape(-1, 3), axis=1)
     assert apart.mean() < 5e-5
 
 
 def test_loads_of_motors_that_turn_agree(both):
-    """Within 0.1 % of the stall torque of 1.5 N m, in the mean over all motors and rows."""
+    """Loads agree within 0.1 % of the stall torque of 1.5 N m, in the mean over all motors and rows."""
     found, own, turns = both
     assert np.abs((found - own)[..., 27:])[turns].mean() < 1.5e-3

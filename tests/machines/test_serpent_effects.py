@@ -16,7 +16,7 @@ from serpent_twin.sim.arm_moment import Moment
 
 STARTS, ROWS = (0, 1800), 24
 WORLD_FROM_BASE = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""As serpent.xml turns the base: the arm hangs along its +x"""
+"""Rotation from the base to the world, as in serpent.xml: the arm hangs along the base's +x"""
 IN_WORLD = ("force", "spring", "acceleration")
 """What laws change along the base's axes on the arm, and along the world's on a model"""
 LAWS = {
@@ -51,7 +51,7 @@ def arm():
 
 
 def assert_alike(arm, effect, own):
-    """In what they change of the markers, and of the loads of motors that turn."""
+    """Compare by both engines what an effect changes of the markers, and of the loads of motors that turn."""
     of, *without = arm
     did = of.as_model(effect), of.by_itself(own)
     changes = [each - base for each, base in zip(did, without, strict=True)]

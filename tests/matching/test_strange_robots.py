@@ -42,7 +42,7 @@ OPEN = {
     "a vertical axis that runs backwards": Form("h", flipped=(0,), seed=31),
     "a slide that runs backwards": Form("s", flipped=(0,), seed=35),
 }
-"""Of which nothing wrong must be decided"""
+"""Robots of which nothing wrong must be decided"""
 
 
 @pytest.mark.parametrize("name", RIGHT)

@@ -21,7 +21,7 @@ def evidence(J, one, other, weight, prior):
 
 
 def fitted_distance(J, one, other, weight, prior):
-    """By least squares on the rows themselves, with a row of data for each prior."""
+    """Distance by least squares on the rows themselves, with a row of data for each prior."""
     A = np.vstack([np.sqrt(weight) * np.array([*J, other]).T, np.diag([*np.sqrt(prior), 0.0])[:2]])
     b = np.r_[np.sqrt(weight) * one, 0.0, 0.0]
     rest = b - A @ np.linalg.lstsq(A, b, rcond=None)[0]

@@ -47,7 +47,7 @@ def first(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def grown(first):
-    """The same folder after another grid that shares a point with the first."""
+    """Sweep in the folder of `first` over another grid, which shares a point with the first."""
     config = replace(first[0], stiffness=(8e3, UNSTABLE))
     return config, sweep(config), files(config.out)
 

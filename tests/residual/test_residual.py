@@ -59,7 +59,7 @@ def test_the_noise_is_told_from_motion_and_from_errors_of_the_twin(name, geometr
 
 
 def test_rows_in_which_no_marker_is_seen_say_nothing_of_the_noise():
-    """As the first rows of a segment, which do not count."""
+    """Markers are lost in the first rows of each segment, which do not count."""
     c = case("force")
     seen = c.marker_measured.copy()
     seen[:, :12] = np.nan

@@ -47,7 +47,7 @@ def test_the_report_says_that_loads_change_with_time():
 
 
 def test_nothing_settles_in_what_is_steady():
-    """Of 40 made residuals, at most one: each is tested at 1 %."""
+    """One of 40 made residuals settles at most: each is tested at 1 %."""
     alarms = 0
     for seed in range(20):
         c = made(100 + seed, S=8, sessions=2)

@@ -65,7 +65,7 @@ def test_a_run_that_wrote_something_keeps_its_folder(tmp_path, written):
 
 @pytest.mark.parametrize("left", ["run.json", "run.json.partial"])
 def test_settings_alone_claim_nothing(tmp_path, left):
-    """As kill -9 leaves them, whole or cut off."""
+    """Files are as kill -9 leaves them, whole or cut off."""
     (tmp_path / left).write_text('{"seed": 0, ' if "partial" in left else json.dumps(FIRST))
     assert prior_settings(tmp_path, "run.json") == {}
     run(tmp_path, SECOND, "result")

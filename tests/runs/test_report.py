@@ -26,7 +26,7 @@ def test_a_page_is_escaped_and_its_numbers_stand_right(tmp_path):
 
 
 def test_long_texts_wrap_and_numbers_do_not(tmp_path):
-    """So that a table of limits is as wide as the page."""
+    """Wrapping makes a table of limits as wide as the page."""
     long = "gear backlash@tilt servo, hinge friction@tilt and stribeck@tilt"
     rows = (("gravity", "none", "m/s²", ""), ("gear friction@tilt", "0.224", "N m", long))
     table = report.Table(("effect", "least", "unit", "confounded with"), rows)

@@ -84,7 +84,7 @@ def number(hint: Any) -> type | None:
 
 
 def _placed(kind: type, given: dict[str, Any]) -> dict[str, Any]:
-    """The same by field, with dataclasses made of what lies deeper."""
+    """Values by field from those by option, with dataclasses made of what lies deeper."""
     hints = {
         name: bare(hint) for name, hint in typing.get_type_hints(kind, include_extras=True).items()
     }

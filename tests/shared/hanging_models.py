@@ -8,13 +8,13 @@ from example import Example, table
 from scipy.optimize import root
 
 LENGTHS, MASSES, SPRINGS = (0.2, 0.2, 0.15), (0.2, 0.15, 0.1), (1.5, 1.0, 0.6)
-"""Of each link [m], at its end [kg], and of its joint [N m/rad]"""
+"""Length of each link [m], mass at its end [kg] and stiffness of its joint [N m/rad]"""
 STIFFNESS, BEGINS = 60.0, ((-0.4, -0.2), (0.4, -0.3))
-"""Of a cable [N/m], and where each begins, along x and z [m]"""
+"""Stiffness of a cable [N/m], and where each begins, along x and z [m]"""
 STRAIGHT = (0.2**0.5, 0.2225**0.5)
-"""Their lengths while the chain hangs straight [m]"""
+"""Lengths of the cables while the chain hangs straight [m]"""
 ENDS = (1, 2)
-"""At the end of which link each ends"""
+"""Index of the link at whose end each cable ends, from 0"""
 LINK = """<body name="link_{n}" pos="0 0 {at}">
       <joint name="joint_{n}" axis="0 1 0" stiffness="{spring}"/>
       <geom type="sphere" size="0.01" mass="{mass}" pos="0 0 -{length}" contype="0" conaffinity="0"/>

@@ -52,7 +52,7 @@ def make_windows(numbers: range, window: int = 4, **kwargs: float) -> win.Window
 def wandering(
     number: int, rows: int = 400, give: float = 0.3, lost: float = 0.0
 ) -> sessions.Session:
-    """As the protocol drives it: new random targets every five rows, so that any stretch shows all."""
+    """Session driven as in the protocol: new random targets every five rows, so any stretch shows all."""
     rng = np.random.default_rng(number)
     joint, load = (
         lfilter([0.4], [1, -0.6], np.repeat(rng.uniform(-s, s, (rows // 5, 10)), 5, axis=0), axis=0)

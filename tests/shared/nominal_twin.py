@@ -29,7 +29,7 @@ class Nominal:
 
     @classmethod
     def of(cls, path: Path, logs: Path):
-        """Of a machine.toml and a folder, or a file, of logs."""
+        """Nominal twin of a machine.toml and a folder, or a file, of logs."""
         return cls(*opened(path, logs)[:2])
 
     def start(self, **effects):

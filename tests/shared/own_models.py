@@ -227,7 +227,7 @@ OWN_MODELS: dict[str, OwnModel] = {
     ),
     "readings slower than rows": _two(_arm(_forearm()), change=_slow),
 }  # fmt: skip
-"""By what is unusual of each"""
+"""Models by what is unusual of each"""
 
 
 def write(folder: Path, name: str, sessions: int = 2) -> Path:

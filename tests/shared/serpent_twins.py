@@ -49,11 +49,11 @@ class Serpent:
     """Which motors turn in which rows, of bool, (S, T, 10)"""
 
     def as_model(self, *there):
-        """By the engine of all machines."""
+        """Response of one twin by the engine of all machines, (S, T, 37)."""
         return self.as_models(there)[0]
 
     def as_models(self, *several):
-        """Several twins side by side by that engine, (D, S, T, 37)."""
+        """Responses of several twins side by side by the engine of all machines, (D, S, T, 37)."""
         none = np.zeros(len(self.machine.declared))
         points = [SimpleNamespace(declared=none, there=there) for there in several]
         with pytest.MonkeyPatch.context() as patch:
@@ -61,7 +61,7 @@ class Serpent:
             return self.machine.respond(points, self.pieces)
 
     def by_itself(self, *there):
-        """By the arm's own engine."""
+        """Response of one twin by the arm's own engine, (S, T, 37)."""
         return self.of_design(TwinModel(effects=there))
 
     def of_design(self, design):

@@ -167,7 +167,7 @@ def test_what_is_no_twin_is_refused(tmp_path, values, message):
 
 @pytest.mark.parametrize("versioned", [True, False])
 def test_a_twin_that_lacks_any_key_is_refused_by_name(tmp_path, versioned):
-    """Without a version one may be from before servos lagged and jaws rubbed, with one it may not."""
+    """A file without a version may be from before servos lagged and jaws rubbed, one with it may not."""
     whole = stored()
     paths = [(group, key) for group in ("parameters", "tolerances") for key in whole[group]]
     for group, key in [*paths, *((None, k) for k in ("kind", "effects", "parameters"))]:
@@ -184,7 +184,7 @@ def test_a_twin_that_lacks_any_key_is_refused_by_name(tmp_path, versioned):
 
 
 def test_the_earliest_files_are_read_as_what_they_said(tmp_path):
-    """From before hinges crept, jaws were held or rubbed, servos lagged and geometry was calibrated."""
+    """Files from before hinges crept, jaws were held or rubbed, servos lagged and geometry was calibrated."""
     values = stored()
     del values["tolerances"]["jaw_friction"]
     (tmp_path / "twin.json").write_text(json.dumps(values | {"schema_version": 3}))

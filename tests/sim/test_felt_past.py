@@ -12,7 +12,7 @@ from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
 
 STRETCH = 1e-3
-"""By which strand cable1_plus is held beyond its slack [m]"""
+"""Stretch at which strand cable1_plus is held beyond its slack [m]"""
 
 
 def felt(effect, period, rows=9, also=()):

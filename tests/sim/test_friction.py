@@ -63,7 +63,7 @@ def test_twin_xml_has_it_and_the_arm_is_another():
 
 
 def test_friction_that_grows_with_tension_creeps_alike():
-    """The same friction, once declared and once written in every step, makes the same motion."""
+    """Friction that is declared once and friction that is written in every step make the same motion."""
     idle = KNOWN["cable_friction"](1e-12, TRANSITION)
     angles = []
     for design in (CREEPING, CREEPING.with_effect(idle)):

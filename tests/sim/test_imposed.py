@@ -64,7 +64,7 @@ def test_time_step_hardly_matters():
 
 
 def test_stiff_cables_hold_the_joints_at_the_motors_angles():
-    """Without slack, friction and weight and at rest, kinematics alone says where the markers are."""
+    """Kinematics alone says where the markers are without slack, friction and weight and at rest."""
     s = wander(60, pace=0.02)
     last = np.repeat(s.motors.angle[:, -1:], 60, axis=1)
     still = replace(s, motors=replace(s.motors, angle=last, velocity=0 * last))
@@ -123,7 +123,7 @@ def test_uneven_rows_are_the_same_motion():
 
 
 def test_servo_lag_bends_the_path_and_keeps_its_ends():
-    """With a lag the motors reach the same angles, so that a stiff arm ends where it did."""
+    """Motors with a lag reach the same angles, so that a stiff arm ends where it did."""
     s = wander(30)
     straight, bent = (
         impose([STIFF], replace(s, servo_lag=lag)).marker[0, 0] for lag in (0.0, 0.03)

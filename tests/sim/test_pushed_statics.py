@@ -20,7 +20,7 @@ MODEL = TWIN.spec(motors=False).compile()
 
 
 def energy(q, link, force):
-    """Of cables at wound winches, gravity and a force [J]; with all mass in the middles of the links."""
+    """Energy of cables at wound winches, gravity and a force [J], all mass in the middles of the links."""
     taken = REACH * (WOUND - np.cumsum(q))
     stretch = np.maximum(np.abs(taken) - 3e-4, 0.0)
     place, (origin, rotation) = middles(q), link_frames(q)
@@ -62,7 +62,7 @@ def test_pose_and_loads_are_those_of_least_energy(arms, link, force):
 
 
 def test_slopes_are_those_of_the_answers(arms, monkeypatch):
-    """Without what holds joints of slack cables besides."""
+    """The stiffness that holds joints of slack cables besides is set to 0."""
     monkeypatch.setattr(pushed_statics, "_PLAY", 0.0)
     force, step = np.array([-0.2, -0.1, 0.3]), 1e-3
     here = arms.pushed(9, force)

@@ -184,7 +184,7 @@ def test_replay_has_a_row_for_each_of_the_log():
 
 
 def test_replay_of_a_driven_run_finds_its_joints_again():
-    """The same arm, driven once by commands and once by the angles they led to."""
+    """An arm is driven once by commands and once by the angles they led to."""
     twin, time, motor, joint = Twin(), [], [], []
     for n, target in enumerate(random_targets(40, np.random.default_rng(5))):
         time.append(0.25 * n)

@@ -108,7 +108,7 @@ def test_a_winch_lags_by_its_gears_play():
 
 
 def test_loaded_cables_creep_while_the_motors_hold():
-    """In the end a strand's stretch is (1 + f) times its elastic one, T / k."""
+    """A strand's stretch is (1 + f) times its elastic one, T / k, in the end."""
     twin = Twin(TwinModel(effects=(CATALOGUE["cable_creep"](0.5, time=5.0),)))
     twin.advance([0.4] * 10, 1.0)
     ratio = []

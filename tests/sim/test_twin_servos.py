@@ -86,7 +86,7 @@ def test_unpowered_motors_let_the_arm_sag_and_powered_ones_hold():
 
 
 def test_switching_on_holds_still():
-    """After the arm has moved with the power off, the drives start from where they are."""
+    """The drives start from where they are after the arm has moved with the power off."""
     twin = Twin(TwinModel(replace(NOMINAL, gear_friction=5e-3)))
     lift(twin)
     lifted = twin.motor_angle

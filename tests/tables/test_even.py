@@ -78,7 +78,7 @@ def test_a_few_rows_lost_far_apart_are_found(lost, jitter):
 
 @pytest.mark.parametrize("burst", [0.5, 1.2])
 def test_rows_that_come_in_bursts_are_all_kept(burst):
-    """As a buffer of two rows hands them on: none is lost."""
+    """A buffer of two rows hands them on in bursts: none is lost."""
     rng = np.random.default_rng(5)
     late = np.where(K % 2 == 0, burst * PERIOD, 0.0) + rng.normal(0, 1e-4, ROWS)
     stamps = np.sort(PERIOD * K + late)
@@ -90,7 +90,7 @@ def test_rows_that_come_in_bursts_are_all_kept(burst):
     "rate, step", [(50.0, 0.1), (25.0, 0.1), (125.0, 0.01), (60.0, 0.001), (1000.0, 0.015625)]
 )
 def test_coarse_clocks_are_spread_evenly(rate, step):
-    """As a Windows clock of 1/64 s, or time stamps that are rounded."""
+    """Coarse clocks are a Windows clock of 1/64 s, or time stamps that are rounded."""
     time = np.floor(K / rate / step) * step
     (found,) = even_rows(time, [signal(K / rate, np.random.default_rng(3))])
     assert len(found.row) == ROWS and (found.row == K).all()

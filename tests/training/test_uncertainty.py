@@ -18,13 +18,13 @@ ROUNDS = 300
 
 
 def autoregression(rows: int, rho: float, rng: np.random.Generator) -> np.ndarray:
-    """Of first order, variance 1."""
+    """Autoregressive process of first order, variance 1."""
     white = rng.standard_normal(rows + 500)
     return lfilter([1], [1, -rho], white)[500:] * np.sqrt(1 - rho**2)  # pyright: ignore
 
 
 def errors(lengths, rho: float, rng: np.random.Generator, common: np.ndarray) -> np.ndarray:
-    """Of nine markers, some lost, mean 5; a part hangs together in time, another is another's, too."""
+    """Errors of nine markers, mean 5; a part is correlated in time, a part is `common` to several errors."""
     own = np.concatenate([autoregression(rows, rho, rng) for rows in lengths])
     drawn = 5 + (common + own)[:, None] + 0.5 * rng.standard_normal((sum(lengths), 9))
     drawn[:, 2] += 0.3

@@ -34,7 +34,7 @@ KEEP_ALIVE = 0.05
 BOUNDLESS = 1e3
 """No limit of a joint's angle [rad]."""
 HALT_AFTER = 0.15
-"""Without a reading for this long, the arm is told to stand still [s]."""
+"""Time without a reading after which the arm is commanded to stand still [s]."""
 
 
 class DynamixelBus(MotorBus):

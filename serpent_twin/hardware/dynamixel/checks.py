@@ -24,7 +24,7 @@ class Objection:
     """What is wrong with a motor, and what to do about it."""
 
     motor: int
-    """From 1"""
+    """Number of the motor, from 1"""
     what: str
     todo: str
 

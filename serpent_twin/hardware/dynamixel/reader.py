@@ -11,9 +11,9 @@ from serpent_twin.hardware.motor_bus import BusError
 from serpent_twin.hardware.xl430 import Words
 
 SLACK = 0.012
-"""By how much a motor's clock may differ from the host's over one cycle [s], transfer time aside."""
+"""Largest difference of a motor's clock from the host's over one cycle [s], transfer time aside."""
 DRIFT = 0.01
-"""… and by which share of the time passed: servos keep time by their own oscillators."""
+"""Fraction of the time passed that is added to `SLACK`: servos keep time by their own oscillators."""
 SLACK_IN_LOCKSTEP = 0.0015
 """A simulated device's clock is exact; its tick is rounded to 1 ms [s]."""
 

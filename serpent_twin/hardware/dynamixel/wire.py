@@ -134,7 +134,7 @@ class Wire(Closing):
     def sync_read(
         self, motors: Sequence[int], address: int, length: int
     ) -> dict[int, StatusPacket]:
-        """The same block of many motors in one request: the complete answers, by id."""
+        """Read the same block of many motors in one request; returns the complete answers, by id."""
         params = address.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(motors)
         self._send(BROADCAST, Instruction.SYNC_READ, params)
         asked = set(motors)

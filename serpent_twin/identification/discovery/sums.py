@@ -32,7 +32,7 @@ class ResidualRows:
     free: Array | None = None
     """What each segment's start may change, weighed, as orthonormal columns, (S, T · C, k)"""
     _adjoints: dict[int, tuple[RowMotion, Array, Array]] = field(default_factory=dict, repr=False)
-    """Of these numbers along each motion, by its identity"""
+    """Motions by their identity, each with the adjoint of residual, slopes and what starts may change"""
 
     def products(self, response: LaggedResponse) -> tuple[Array, Array, Array]:
         """Products of a change in each row of a place with the residual, (N, d), with its slopes, (d, N, M),
@@ -117,7 +117,7 @@ class Sums:
         return Sums(self.pulls[which], self.raw[which], beside, self.taken[:, which])
 
     def then(self, others: "Sums") -> "Sums":
-        """These sums followed by those of other changes of the same place."""
+        """Concatenation of these sums with those of other changes of the same place."""
         of_two = np.zeros((1, *self.raw.shape[1:]))  # the last of these and the first of the others
         return Sums(
             np.concatenate([self.pulls, others.pulls]),
@@ -226,7 +226,7 @@ class _ShownLater(ShownChanges):
         return raw, beside
 
     def _one_by_one(self, F: Array) -> tuple[Array, Array]:
-        """The same, from what each change shows."""
+        """Products of components of each change, and with the next one's, from what each change shows."""
         d, W = len(self._response.enters), len(F)
         raw, beside = np.empty((W, d, d)), np.empty((W - 1, d, d))
         last: list[Array] = [np.empty((0, self._rows.left.size), np.float32)] * d

@@ -16,7 +16,7 @@ _MAY_BE_ABSENT = 2.0
 _WHERE, _APART = (-2.0, -1.0, 0.0, 1.0, 2.0), 0.5
 """Where, in widths of the prior; nearer than that to where it is, it is not tried"""
 _BEST, _SHARES = 3, (1.0, 0.5)
-"""Of these, those to which the others are refitted; shares of that step which are tried"""
+"""Number of the best tried values from which the refitting step is simulated; shares of that step to try"""
 DECISIVE = 6.0
 """Least decrease of squares and priors, as twice the logarithm of a Bayes factor: strong evidence (Kass and
 Raftery, JASA 90, 1995)

@@ -69,12 +69,12 @@ class Fit:
         return replace(held, point=self.point.without(names))
 
     def interval(
-        self, name: str, index: int, simplified: float = Effect.simplified
+        self, name: str, index: int, model_error: float = Effect.model_error
     ) -> tuple[float, float, float]:
         """An effect's parameter with its 95 % interval, from scatter and from what its law simplifies."""
         at = len(self.free.declared) + self.free.effects.index((name, index))
         value = float(self.point.effects[name][index])
-        half = NORMAL_95 * float(np.hypot(self.error[at], simplified * value))
+        half = NORMAL_95 * float(np.hypot(self.error[at], model_error * value))
         return value, value - half, value + half
 
 

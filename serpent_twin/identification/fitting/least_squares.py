@@ -120,8 +120,8 @@ def derives_cheaply(case: Case[Any]) -> bool:
 def descend(
     problem: Objective, at: At, jacobian: Array, steps: int, small: Callable[[At, At], bool]
 ) -> tuple[At, Array]:
-    """So many steps at most with one derivative, until none reduces the cost or one is `small`; returns the
-    derivative as these changed it, too.
+    """Take at most `steps` steps with one derivative, until none reduces the cost or one is `small`; returns
+    where they end, and the derivative as they changed it.
     """
     for _ in range(steps):
         taken = problem.step(at, jacobian)

@@ -91,7 +91,7 @@ class Objective:
         known: Fit | None,
         afresh: bool = False,
     ) -> None:
-        """With `known`, derivatives by the declared parameters are that fit's, unless taken afresh."""
+        """Take derivatives by the declared parameters from the fit `known`, if given, unless `afresh`."""
         self.case, self.some, self.free, self.known = case, some, free, known
         self.afresh = afresh or known is None
         self.prior = prior_information(case, free)

@@ -57,7 +57,7 @@ class ModelRig:
 
     @property
     def name(self) -> str:
-        """Of the machine."""
+        """The machine's name."""
         return self.described.name
 
     @property

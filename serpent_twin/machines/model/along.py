@@ -18,7 +18,7 @@ class Along:
     middle: Array
     """Where these are [m], (B, S, T, 3)"""
     rotation: Array
-    """Of the bodies, (B, S, T, 3, 3)"""
+    """Rotation matrices from the bodies' frames to the world's, (B, S, T, 3, 3)"""
     tension: Array
     """What the tendons' springs pull [N], (L, S, T)"""
 
@@ -26,7 +26,7 @@ class Along:
     def of(
         cls, model: mujoco.MjModel, bodies: Sequence[int], tendons: Sequence[int], pose: Array
     ) -> "Along":
-        """Those of poses (S, T, ≥ nq), of which only a model's own coordinates count."""
+        """Evaluate bodies and tendons in poses (S, T, ≥ nq); only the model's own coordinates count."""
         pose, data = np.nan_to_num(pose), mujoco.MjData(model)
         rows, B, L = pose.shape[:2], len(bodies), len(tendons)
         which, length = [*tendons], np.empty((L, *rows))

@@ -28,7 +28,7 @@ class TwinAtRest:
 
     machine: Described
     frame: Mapping[str, Any]
-    """Of the cameras"""
+    """Frame of the cameras: its `shift` and `pivot` [m], (3,) each"""
     measured: Sequence[str]
     """The thing that each channel is of, (C,)"""
     rests: Rests

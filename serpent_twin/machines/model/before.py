@@ -36,7 +36,7 @@ class Before:
     error: float = 0.0
     """Mean error of its pose, in its measure's unit"""
     frame: Mapping[str, Any] = field(default_factory=dict)
-    """Of the cameras"""
+    """Frame of the cameras: its `shift` and `pivot` [m], (3,) each"""
 
     def free(self, machine: Described, all_of: Sequence[FittedNumber]) -> list[FittedNumber]:
         """The coordinates that are fitted: after a change the zeros of the drives, which whoever opens a

@@ -11,7 +11,7 @@ _DIGITS = 6
 
 
 def built_alike(model: mujoco.MjModel, kind: str) -> NDArray[np.intp]:
-    """Of each joint, actuator, tendon or body of a model, the number of the part that it is a copy of.
+    """Number of the part that each joint, actuator, tendon or body of a model is a copy of.
 
     Copies agree in all that says how the part is made, not in one number alone: bodies in their mass and
     principal moments of inertia, joints in their type, spring, damper, friction and armature, actuators in

@@ -38,8 +38,8 @@ from serpent_twin.tables.log import Log
 _STILL = 1e-6
 """Motion of a body per motion of a joint [m/rad] below which it stands still"""
 _REACH = 1e-3
-"""The same below which a place has no lever worth a force [m/rad]; lever below which what a link carries does
-not bend it [m]
+"""Motion of a place per motion of a joint [m/rad] below which a force there has no useful lever; lever [m]
+below which what a link carries does not bend it
 """
 _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
 """Typical effects: of the range of a drive, of a joint's stiffness, of the mass that a body carries, of the
@@ -56,9 +56,9 @@ _LIMITED = (1.0, 0.5, 0.25)
 forces of the logs stalls the joint, and one above them does nothing
 """
 _LATE = 1 / 3
-"""Of a segment's lead, by which a reading may be late"""
+"""Longest delay of a reading, as a share of a segment's lead"""
 _MOST_DOFS = 3
-"""Of a body that may bend and twist, which takes three more of the six that MuJoCo allows"""
+"""Most degrees of freedom of a body that may bend and twist, which takes three more; MuJoCo allows six"""
 _BENT = 0.02
 """Typical of a link under the moments that move it [rad]"""
 
@@ -83,7 +83,7 @@ def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candida
 
 
 def _wanted(machine: Described, found: Sequence[Candidate]) -> list[Candidate]:
-    """Those that the description names; all if it names none."""
+    """Candidates that the description names; all if it names none."""
     wanted = machine.about.candidates
     if machine.about.lead:  # before which segments know no past
         found = [each for each in found if not KNOWN[law_of(each.name)].remembers]
@@ -97,8 +97,8 @@ def _wanted(machine: Described, found: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _placed(machine: Described, one: Candidate) -> Candidate:
-    """With the kind of its place, where its law may be at several: what is measured there, or what has its
-    name.
+    """Set the kind of a candidate's place, if its law may be at several kinds: that of what is measured
+    there, or of the model's element of its name.
     """
     law = effects.by_name(law_of(one.name))
     if not one.at or len(law.places) == 1:
@@ -117,7 +117,9 @@ def _placed(machine: Described, one: Candidate) -> Candidate:
 
 
 def _confused(one: Candidate, several: Sequence[Candidate]) -> Candidate:
-    """With what it can be confused among the candidates: wherever such an effect is, and itself elsewhere."""
+    """Name the candidates that one can be confused with: its own effect elsewhere, and effects that look like
+    it anywhere.
+    """
     alike = [
         other.name
         for other in several
@@ -162,7 +164,9 @@ def _play(machine: Described, training: Sequence[Log]) -> Iterator[Candidate]:
 
 
 def _joints(machine: Described, of: Sizes) -> Iterator[Candidate]:
-    """At each hinge or slide: a spring, if the model has none, one that stiffens, and in motion friction."""
+    """Effects of each hinge or slide: a spring, if the model has none, one that stiffens, and in motion
+    friction.
+    """
     model, held = machine.model, [each.joint for each in machine.prescribed]
     driven = [acts_on(model, each.actuator) for each in machine.commanded]
     for n in single_joints(model).tolist():

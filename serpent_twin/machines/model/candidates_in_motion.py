@@ -32,9 +32,11 @@ _FADES, _SLIPS = 0.1, 0.1
 _GRIPS = (0.6, 0.35, 0.85)
 """Where fits of the tension above which a clamp slips start, of the greatest"""
 _CREEPS, _LATE = 0.2, 2.0
-"""Of a session's duration, a time constant of creep: typical and longest"""
+"""Time constants of creep, typical and longest, as multiples of a session's duration"""
 _WARMS, _WARM = 0.3, 0.5
-"""And one of warming: what falls more slowly is not told from friction that stays"""
+"""Time constants of warming, typical and longest, as shares of a session's duration: friction that falls more
+slowly cannot be distinguished from constant friction
+"""
 _TOLD, _LEAST = 0.02, 1e-6
 """Typical of the stretch that a tendon's actuator answers with as much force as friction has, of its range;
 range of an actuator [m] and lever of a joint [m/rad] that has one

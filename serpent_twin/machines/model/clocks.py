@@ -11,9 +11,9 @@ from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 
 CLOCK_BEGAN = "clock_began_s"
-"""In a session's metadata, the clock of its log at the log's first row [s]"""
+"""Key in a session's metadata: clock of the session's log at the log's first row [s]"""
 PRIOR = "prior_runtime_s"
-"""In a session's metadata, how long the machine ran before it [s]"""
+"""Key in a session's metadata: how long the machine ran before the session [s]"""
 
 
 @dataclass(frozen=True)
@@ -21,17 +21,17 @@ class Clocks:
     """When n runs begin [s], (n,) each."""
 
     begun: Array
-    """Since the session began"""
+    """Time from the beginning of its session to that of each run [s], (n,)"""
     prior_runtime: Array
-    """From the beginning of the log to that of the session"""
+    """Time from the beginning of the log to that of each run's session [s], (n,)"""
 
     def repeated(self, times: int) -> "Clocks":
-        """Those of the same runs so many times, one set after the other."""
+        """Clocks of the same runs repeated so many times, one set after the other."""
         return Clocks.together([self] * times)
 
     @staticmethod
     def together(several: Sequence["Clocks"]) -> "Clocks":
-        """Those of some sets of runs, one set after the other."""
+        """Clocks of several sets of runs, one set after the other."""
         begun, prior = zip(*((each.begun, each.prior_runtime) for each in several), strict=True)
         return Clocks(np.concatenate(begun), np.concatenate(prior))
 

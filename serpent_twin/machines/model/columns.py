@@ -92,8 +92,9 @@ class MachineOfColumns:
         return np.array([each.noise for each in self.outputs[:pose]])
 
     def block_rows(self, pieces: Segments) -> int:
-        """As few as can be; of sessions that are simulated whole those of a usual segment, so that few are
-        left: a motion's error follows that of the rows before.
+        """Rows that are judged as one sample: the fewest; in sessions that are simulated whole, where a
+        motion's error follows that of the rows before, about those of a usual segment, such that few rows are
+        left over.
         """
         rows = pieces.time.shape[1]
         if self.described.about.rows == POSES or rows < 2 * ROWS:

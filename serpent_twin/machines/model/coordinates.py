@@ -28,7 +28,7 @@ _IN_MOTION = 0.001
 ones are off by passes for information on what all forces share, fifty times what is known of it before
 """
 _FARTHEST = float(np.log(1000.0))
-"""Of a number whose logarithm is fitted, how far it is taken: engines know no body of hardly any mass"""
+"""Bound on a fitted logarithm of a number, so that no mass becomes too small for MuJoCo"""
 _APART = 10.0
 """Widths by which one of several that share a number differs from it at most"""
 _TURNED, _SHIFTED = 5.0, 20.0
@@ -61,7 +61,7 @@ class FittedNumber:
     number: str = ""
     """What of the model it changes; nothing for what is no number of the model"""
     of: tuple[int, ...] = ()
-    """Of which of its things"""
+    """Indices of the model's elements whose number it changes"""
     begin: float = 0.0
     """Where a fit begins"""
 
@@ -245,7 +245,7 @@ def edit_compiled(
 def arm_factors(
     model: mujoco.MjModel, all_of: Sequence[FittedNumber], values: Mapping[str, float]
 ) -> dict[str, float]:
-    """By how much moment arms of joints, by name, are longer than the model's."""
+    """Ratios of joints' moment arms to the model's, by the name of the joint."""
     out: dict[str, float] = {}
     for _, n, factor in _changes(all_of, values, compiled=True):
         name = model.joint(n).name

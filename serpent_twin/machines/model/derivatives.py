@@ -15,9 +15,9 @@ from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.tables.segments import Segments
 
 _SEED = 0
-"""Of the signs of the step that is simulated"""
+"""Seed of the signs of the step that is simulated to check derivatives"""
 _PROBED = 0.1
-"""That step, in steps of the numbers"""
+"""Largest size of the step that is simulated to check derivatives, in steps of the numbers"""
 _MIN_STEPS = 100
 """Time steps of a row, of all simulations that are saved, from which derivatives along one motion are
 quicker: with 10 numbers in 8 steps they take 1.0 … 1.2 times as long

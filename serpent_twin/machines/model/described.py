@@ -50,7 +50,7 @@ class Described:
 
     @property
     def name(self) -> str:
-        """Of the machine."""
+        """Name of the machine; by default that of its folder."""
         return self.about.name or self.path.resolve().parent.name
 
     @property
@@ -119,7 +119,7 @@ class Described:
         return _STATED["m" if kind == mujoco.mjtTrn.mjTRN_TENDON or slides else "rad"]
 
     def limits(self, drive: DriveColumn) -> Array | None:
-        """Of what is driven [SI], (2,); None where it has none."""
+        """Range of what is driven [SI], (2,); None where it has none."""
         kind, name = drive.of
         model = self.model
         limited, ranges, thing = {

@@ -265,7 +265,7 @@ class Description(Form, frozen=True):
 
 
 def pose_first(about: Description) -> Description:
-    """The same, what is measured of the pose before all else."""
+    """Put what is measured of the pose before all else that is measured."""
     pose = about.measured[0].measure
     ordered = sorted(about.measured, key=lambda each: each.measure != pose)
     return msgspec.structs.replace(about, measured=tuple(ordered))

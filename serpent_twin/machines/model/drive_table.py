@@ -38,7 +38,7 @@ class DriveTable:
     inside: Array
     """1 where the MJCF has scale and offset, 0 where only the table has them"""
     force_per_control: Array
-    """Of an actuator whose control is a force, as calibration found it for effects [N m or N]"""
+    """Force per control of an actuator whose control is a force, as effects had it in the fit [N m or N]"""
 
     @property
     def beside(self) -> bool:

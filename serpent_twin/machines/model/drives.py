@@ -21,7 +21,7 @@ from serpent_twin.machines.model.state_effects import acts_on_state
 from serpent_twin.tables.segments import Segments
 
 PARTS = 4
-"""Of a row, in which what effects make of commands may change"""
+"""Fewest parts of a motion's row, in each of which effects may change commands anew"""
 
 
 def commands(machine: Described, pieces: Segments, every: int = 1) -> Array:
@@ -113,15 +113,15 @@ class DrivenMoment(Instant):
     has_places: ClassVar[bool] = True
 
     names: Mapping[str, Sequence[str]]
-    """Of the actuators, (nu,)"""
+    """Names of the actuators, (nu,), by their kind"""
     dt: Array
-    """To the next moment [s], (n, 1)"""
+    """Time to the next moment [s], (n, 1)"""
     time: Array
-    """Since the session began [s], (n, 1)"""
+    """Time since the session began [s], (n, 1)"""
     prior_runtime: Array
-    """From the beginning of the log to that of the session [s], (n, 1)"""
+    """Time from the beginning of the log to that of the session [s], (n, 1)"""
     force_per_control: Array
-    """Of an actuator whose control is a force [N m or N], (nu,)"""
+    """Force per unit of the control of an actuator whose control is a force [N m or N], (nu,)"""
     command: Array
     """What the log tells the actuators [m, rad or 1]"""
     motor_velocity: Array
@@ -132,7 +132,7 @@ class DrivenMoment(Instant):
 
     @property
     def goal(self) -> Array:
-        """The same, for effects that delay it."""
+        """Commands that reach the actuators [m, rad or 1], for effects that delay them: `winch_angle`."""
         return self.winch_angle
 
     @goal.setter

@@ -78,8 +78,8 @@ def _unwrapped(machine: Described, run: Log, each: MeasuredColumns) -> tuple[Arr
 def _turns_from_servo(
     machine: Described, run: Log, joint: str, rows: NDArray[np.intp], angle: Array
 ) -> int:
-    """By how many turns a hinge's servo is told to be elsewhere; 0 without one, or where whole turns leave it
-    elsewhere still.
+    """Whole turns from a hinge's angle to where its servo is commanded; 0 without a servo, or where the two
+    differ by more than whole turns.
     """
     for drive in machine.commanded:
         if acts_on(machine.model, drive.actuator) == ("joint", joint) and machine.is_servo(
@@ -103,8 +103,8 @@ def _within(machine: Described, joint: str, angle: Array) -> bool:
 
 
 def _fresh(values: Array) -> NDArray[np.bool_]:
-    """In which rows readings, (c, T), are new; in all of them, unless some are evidently repeated: in the
-    midst of a motion that is quick beside the resolution. A reading then lasts as many rows as those do.
+    """Mark the rows in which readings, (c, T), are new: all, unless some are evidently repeated in the midst
+    of a motion that is quick compared with the resolution. A reading then lasts as many rows as those do.
     """
     T = values.shape[1]
     every = np.ones(T, bool)

@@ -17,7 +17,7 @@ class FilteredSessions:
     """Activations of filters in n whole sessions."""
 
     activation: Array
-    """In each row, (n, T, na)"""
+    """Activations of the filters in each row, (n, T, na)"""
     begin: Array
     """The pose of what nothing measures, (nq,)"""
     dofs: int

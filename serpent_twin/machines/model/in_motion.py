@@ -64,7 +64,7 @@ class MovingTwin:
 
     @property
     def sites_later(self) -> float:
-        """By how long what sites show in a row is later than what drives the machine there [s]."""
+        """Time by which what sites show in a row is later than what drives the machine there [s]."""
         return sum(each.sites_later for each in self.there)
 
     def _known(self, pieces: Segments) -> KnownMotion | None:
@@ -95,21 +95,21 @@ class TwinsInMotion:
 
     machine: Described
     frame: Mapping[str, Any]
-    """Of the cameras"""
+    """Frame of the cameras: its `shift` and `pivot` [m], (3,) each"""
     measured: Sequence[str]
     """The thing that each channel is of, (C,)"""
     twins: Sequence[MovingTwin]
     nominal: MovingTwin
-    """By which starts are improved"""
+    """Nominal twin, from which the gains follow that improve starts"""
     gains: StartGains
     begun: SessionStarts
     """How sessions begin, by the nominal model"""
     columns: Sequence[str]
-    """Of a log, which a simulation reads"""
+    """Columns of a log that a simulation reads"""
     noise: Array
-    """Of each channel, (C,)"""
+    """Noise of each channel, (C,)"""
     steps: int
-    """Of time in a row, at least"""
+    """Fewest time steps in a row"""
 
     def shown(self, pieces: Segments) -> Array:
         """What is read of each twin in each row, (D, S, T, C)."""

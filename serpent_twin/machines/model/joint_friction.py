@@ -23,7 +23,7 @@ class JointFriction:
         self._dofs, self._batch = dofs, batch
         self._loss = batch.expand("dof_frictionloss")
         self.friction: Array = self._loss[:, dofs].copy()
-        """Of the model [N m or N], (n, J)"""
+        """Dry friction of the joints in the model [N m or N], (n, J)"""
         self._efforts = efforts
         measured = [(k, efforts.dof.index(dofs[k])) for k in winches if dofs[k] in efforts.dof]
         self._joints, self._drives = [k for k, _ in measured], [e for _, e in measured]
@@ -35,7 +35,7 @@ class JointFriction:
         self._own = [of[:, dofs].copy() for of in self._soft]
         time, impedance = (of[..., 0] for of in self._own)
         self.velocity: Array = self.friction * self._weight * (1 - impedance) * time / 2
-        """Below which it is in proportion to the speed [rad/s or m/s], (n, J)"""
+        """Speed below which the model's dry friction is in proportion to the speed [rad/s or m/s], (n, J)"""
 
     def write(self, friction: Array, velocity: Array, torque: Array) -> None:
         """Set friction, transition velocities where they changed, and torques on winches, (n, J) each."""

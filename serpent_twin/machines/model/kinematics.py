@@ -42,7 +42,7 @@ class Parts:
 
     machine: Described
     frame: Mapping[str, Any]
-    """Of the cameras"""
+    """Frame of the cameras: its `shift` and `pivot` [m], (3,) each"""
     declared: Sequence[Declared]
     compiled: Compiled
 
@@ -140,9 +140,9 @@ class _BeyondJoints:
     """Information that sites hold on rigid parts after the joints of each row were eliminated."""
 
     information: Array
-    """Of the parts, (P, P)"""
+    """Information on the parts, (P, P)"""
     pull: Array
-    """Towards where the sites have them, (P,)"""
+    """Right-hand side of the normal equations, towards where the sites have the parts, (P,)"""
     taken: Array
     """What the joints of each row take up of the parts, and of what is off, (N, J, P + 1)"""
     noise: Array
@@ -171,5 +171,5 @@ class _BeyondJoints:
         return cls(information, pull, taken, np.sqrt(np.where(known, squares / degrees, np.inf)))
 
     def turned(self, step: Array) -> Array:
-        """By how much the joints of each row turn with a step of the parts, (P,); (N, J)."""
+        """Change of the joints of each row, (N, J), with a step of the parts, (P,)."""
         return self.taken[..., -1] - self.taken[..., :-1] @ step

@@ -16,7 +16,7 @@ from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 
 STATED = "stated"
-"""In a session's metadata, the numbers that it states, by name"""
+"""Key in a session's metadata: the numbers that the session states, by name"""
 Factor = tuple[str, int, float]
 """Kind of a number, of which thing, and how many times the model's it is"""
 
@@ -83,9 +83,7 @@ def _model_value(machine: Described, known: KnownNumber) -> float:
 
 
 def _factors(machine: Described, metadata: Mapping[str, Any]) -> tuple[Factor, ...]:
-    """By how much the numbers that a session states differ from the model's; none of a motion that no log
-    has.
-    """
+    """Ratios of the numbers that a session states to the model's; none for a motion that no log has."""
     if STATED not in metadata:
         return ()
     found = metadata[STATED]

@@ -15,7 +15,7 @@ from serpent_twin.tables.segments import Segments
 LAG = "lag of the drives"
 """Name of the column of the time with which drives take up a velocity [rows]"""
 _JUMPS, _LONGEST = 0.5, 0.9
-"""Of the root mean square of all jumps, those of a velocity that count; the longest lag [rows]"""
+"""Least jump of a velocity that counts, over the root mean square of all jumps; the longest lag [rows]"""
 STANDING = 0.0167
 """Speed [rad/s, m/s] about which dry friction turns from one side to the other"""
 _SLOW = 6.0
@@ -34,9 +34,9 @@ class KnownMotion:
     rate: Array
     """Their change per row, (S, T, P); zeros for poses"""
     lag: Array
-    """Of those that take up a velocity after each row [rows], (S,)"""
+    """First-order lag with which drives reach a commanded velocity after each row [rows], (S,)"""
     dead: Array
-    """Time after each row in which these go on as before [rows], (S,)"""
+    """Dead time after each row in which drives keep the velocity that they had [rows], (S,)"""
 
     @staticmethod
     def together(several: Sequence["KnownMotion"]) -> "KnownMotion":

@@ -12,7 +12,7 @@ class LateSites:
     """
 
     def __init__(self, later: Array, step: Array, steps: int) -> None:
-        """At times [s] after those of the rows, (n,), which are so many time steps [s], (n,), apart."""
+        """Read sites `later` [s], (n,), than rows that are `steps` steps of `step` [s], (n,), apart."""
         self._due = later / step
         self._first = np.floor(self._due).astype(int)
         self._steps, self._found = steps, dict[int, list[Array]]()

@@ -21,8 +21,8 @@ _ALIKE, _ABOUT = 0.9, 1.4
 _LATE = 0.5
 """Longest delay of a servo: it looks like another sign where a motion is quick [s]"""
 _EARLY, _FARTHEST = 0.2, 1.0
-"""By how much a servo may move before it is told to, until two clocks are suspected; how far is looked, also
-for one that moves after it is told to [s]
+"""Longest time by which a servo may move before its command until two clocks are suspected; longest time by
+which a motion before or after its command is searched [s]
 """
 _SAME = 0.98
 """Correlation of one motion on two clocks"""
@@ -130,8 +130,8 @@ def _alike(measured: Array, like: Array, late: int) -> tuple[int, float]:
 
 
 def _ahead(measured: Array, goal: Array, period: float) -> int:
-    """By how many rows a motion (S, T, 1) comes before what it follows, negative ones after; 0 where it may
-    be as told.
+    """Rows by which a motion (S, T, 1) precedes what it follows, negative if it comes after; 0 where it may
+    be as commanded.
     """
     early, late, last = (int(each / period) for each in (_EARLY, _LATE, _FARTHEST))
     now, _ = _correlation(measured, goal)
@@ -146,7 +146,9 @@ def _ahead(measured: Array, goal: Array, period: float) -> int:
 
 
 def _correlation(a: Array, b: Array) -> tuple[float, float]:
-    """Of two motions (S, T, C), and how many times larger the second is; 0 where little is known."""
+    """Correlation of two motions (S, T, C), and how many times larger the second is; correlation 0 where
+    little is known.
+    """
     known = np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
     if known.sum() < FEWEST:
         return 0.0, 1.0

@@ -15,9 +15,9 @@ from serpent_twin.tables.log import Log
 _FASTEST = 99.0
 """Percentile of a drive's changes, in rows in which it moves, that a motion keeps"""
 _MARGIN = 0.1
-"""Of the span of a response in the logs, by which a motion may go beyond it"""
+"""Share of a response's span in the logs by which a motion may go beyond it"""
 _GIVES = 0.01
-"""Of a joint's range, by which its limit gives way"""
+"""Share of a joint's range by which its limit yields"""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class LoggedLimits:
     drives: tuple[DriveColumn, ...]
     """Each column once"""
     low: Array
-    """Of what the drives tell the actuators, within the actuators' ranges, (D,)"""
+    """Least command of each drive to the actuators, within the actuators' ranges, (D,)"""
     high: Array
-    """The same, (D,)"""
+    """Greatest command of each drive to the actuators, within the actuators' ranges, (D,)"""
     home: Array
     """Where motions begin and end: the keyframe's or zero; the middle, if the logs did not use that, (D,)"""
     step: Array
@@ -37,11 +37,11 @@ class LoggedLimits:
     shown: Array
     """Least and greatest of what is measured, (2, C)"""
     rows: int
-    """Of the longest log"""
+    """Number of rows of the longest log"""
 
 
 def logged_limits(machine: Described, training: Sequence[Log]) -> LoggedLimits:
-    """Of the training logs."""
+    """Measure what the training logs used of the drives and showed of the response."""
     drives = tuple({each.column: each for each in machine.commanded}.values())
     ids = [machine.model.actuator(each.actuator).id for each in drives]
     told = [

@@ -41,7 +41,7 @@ from serpent_twin.tables.log import Log
 from serpent_twin.units import TO_SI
 
 KEY = b"measured"
-"""Of the metadata of a Parquet log that state how it was driven, as JSON"""
+"""Key of the metadata of a Parquet log that state as JSON how it was driven"""
 _ADVICE = "Name the column in machine.toml as the log has it."
 _OTHER = "Name another column in machine.toml."
 

@@ -19,7 +19,7 @@ class LogTables:
     """The tables of one log, the one with the most measured columns first."""
 
     name: str
-    """Of the log, if it is not its first file's: with the folder, where files of several have one name"""
+    """Name of the log, if it is not its first file's: with the folder, where several files have one name"""
     tables: tuple[DataTable, ...]
 
     @property

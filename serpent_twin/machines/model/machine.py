@@ -87,7 +87,7 @@ class ModelMachine(SimulatedModel):
 
     @property
     def error_before_change(self) -> float:
-        """Of the pose, in its measure's unit; 0 if unknown."""
+        """Mean error of the pose before the machine was changed, in its measure's unit; 0 if unknown."""
         return self.before.error
 
     def shortest(self, sessions: Sequence[Log]) -> Segments | None:
@@ -202,7 +202,7 @@ class ModelMachine(SimulatedModel):
     def measured_again(
         self, pieces: Segments, point: ParameterVector, rng: np.random.Generator
     ) -> Segments:
-        """The same segments, begun by readings with further noise, where readings say how they begin."""
+        """Segments begun by readings with further noise, where readings say how they begin."""
         if self.described.about.rows == POSES:
             return pieces
         noise = {each.name: each.noise for each in self.outputs}

@@ -48,7 +48,7 @@ class Views:
             FRAME: [name for name in dict.fromkeys([*fixed(model), *frames]) if name],
             BODY: [name for n in range(1, model.nbody) if (name := model.body(n).name)],
         }
-        """Of the places of each kind"""
+        """Names of the places of each kind"""
 
     def change(self, handle: str, place: str, size: Array, shown: Array) -> Array:
         """Change of what is shown, (n, C), by sizes, (n, components), of a quantity at a place."""
@@ -67,7 +67,7 @@ class Views:
         return out
 
     def _moved(self, handle: str, place: str, size: Array, site: str, shown: Array) -> Array | None:
-        """By how much a site seems elsewhere in the frame of its columns, (n, 3); None if by nothing."""
+        """Apparent displacement of a site in the frame of its columns, (n, 3); None without any."""
         model, n = self._model, self._model.site(site).id
         body = int(model.site_bodyid[n])
         if handle == "camera_shift":
@@ -126,7 +126,7 @@ class SeenMoment(StateMoment):
     shown: Array
     """(n, C)"""
     shift: Array
-    """By how much other values are seen, (n, C)"""
+    """Change of the values that are shown, (n, C)"""
 
     def add(self, handle: str, place: str, size: Array) -> None:
         """Add a size, (n, components), to a quantity of what is seen."""

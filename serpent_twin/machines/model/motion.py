@@ -22,7 +22,7 @@ _FAR = 20.0
 _PART, _PARTS = 0.05, 4
 """Longest part of a row in which a motion is linearised once [s], and the most of them"""
 STEPS = (8, 16, 32, 64, 128)
-"""Of a row, of which a machine takes as few as its noise allows, and differences between twins the fewest"""
+"""Time steps in a row: a machine takes as few as its noise allows, differences between twins the fewest"""
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class DrivenMotion:
     start: SegmentStart
     seen: Seen
     gain: Array | None
-    """By which starts are improved, as `start_gain` finds it"""
+    """Gain by which starts are improved, as `start_gain` finds it"""
     steps: int
-    """Of a row, at least"""
+    """Fewest time steps in a row"""
     reading: Callable[[Array], Array]
     """What sensors make of angles, (n, LEAD, J)"""
     acting: Acting | None = None
     """Effects on the state in each time step"""
     sites_later: Array | float = 0.0
-    """By how long what sites show in a row is later than what drives the runs there [s], (n,)"""
+    """Time by which what sites show in a row is later than what drives the runs there [s], (n,)"""
 
     def moved(self) -> tuple[Array, Array]:
         """What is seen of the runs in each row, (n, T, C), and their poses, (n, T, nq)."""
@@ -101,9 +101,9 @@ class RowStates:
     step: Array
     """Time steps [s], (n,)"""
     nstep: int
-    """Of each part of a row in which the controls change"""
+    """Number of time steps in each part of a row; controls change from part to part"""
     steps: RecordedSteps
-    """Between the rows"""
+    """Time steps between the rows"""
 
 
 def _improved(

@@ -108,7 +108,9 @@ OF_POSES: Mapping[str, Shape] = {
     "the same pose again": _same_pose_again,
     "ends of the drives": _ends,
 }
-"""The same for lists of T poses"""
+"""Signals (T, D) for lists of T poses, at times (T,) from 0 to 1 for D drives, 0 where motions begin, −1 and
+1 the ends of what the logs used, by kind
+"""
 
 
 def commands(
@@ -138,7 +140,7 @@ def commands(
 
 
 def _held(time: Array, drives: int, count: int, rng: np.random.Generator) -> Array:
-    """So many random places, one after the other."""
+    """Hold `count` random places, one after the other, (T, D)."""
     which = np.minimum((count * time).astype(int), count - 1)
     return rng.uniform(-1, 1, (count, drives))[which]
 

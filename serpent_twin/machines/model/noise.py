@@ -42,7 +42,7 @@ def noise(
 
 
 def _span(training: Sequence[Log], name: str) -> float:
-    """Of a column in all logs."""
+    """Range of a column in all logs."""
     values = np.concatenate([run.columns[name] for run in training])
     return float(np.nanmax(values) - np.nanmin(values))
 
@@ -94,7 +94,7 @@ def _jitter(several: Sequence[Array]) -> float:
 
 
 def _again(machine: Described, training: Sequence[Log], name: str) -> Array:
-    """By how much a column differs in poses that a log repeats."""
+    """Differences of a column between successive rows in which a log repeats a pose."""
     drives = [
         np.array([run.columns[each.column] for each in machine.about.drive]) for run in training
     ]

@@ -32,9 +32,9 @@ _SPRUNG = (
     *("tendon_stiffness", "tendon_stiffnesspoly", "tendon_lengthspring"),
     *("tendon_damping", "tendon_dampingpoly"),
 )
-"""Those on which springs and dampers alone depend"""
+"""Fields of a model on which springs and dampers alone depend"""
 _SEEN = ("site_pos", "site_quat", "jnt_user")
-"""Those on which no force depends, if no tendon, actuator or constraint holds a site that moves"""
+"""Fields of a model on which no force depends, unless a tendon, actuator or constraint holds a moved site"""
 
 
 def by_numbers(
@@ -54,7 +54,7 @@ def by_numbers(
     torque = np.zeros((len(others), *changes.passive.shape[1:]))
     torque[sprung] = changes.passive
     torque[felt] = _torques(driven, [models[p] for p in felt], states, changes)
-    pushes = np.zeros((*own.shape[:3], rows.goes_on.shape[-1]))
+    pushes = np.zeros((*own.shape[:3], rows.A.shape[-1]))
     R = states.steps.position.shape[1]
     pushes[:, :, :R] = np.einsum("nkstd,pstkn->pstd", changes.by_force, torque, optimize=True)
     pushes[:, :, :R] += changes.by_friction_of
@@ -130,7 +130,7 @@ def _held_sites(model: mujoco.MjModel) -> list[int]:
 
 
 def _free_model(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model without constraints."""
+    """Copy of a model without constraints."""
     bare = copy(model)
     bare.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return bare

@@ -20,7 +20,7 @@ Changed = Callable[[Sequence[Sequence[int]]], tuple[list[DrivenRuns], Seen]]
 _PROBED = 8
 """Rows in which each number is changed alone, for the channels in which it shows"""
 _NOTHING = 1e-6
-"""Of the largest change of a channel, what rounding makes"""
+"""Fraction of the largest change of a channel, below which a change is rounding"""
 
 
 def shown_by(

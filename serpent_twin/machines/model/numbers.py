@@ -37,7 +37,7 @@ _SEVERAL = {
 }
 """The things of a kind, of a spec"""
 _TURN = "°"
-"""Of what a spec has in degrees or radians, as its compiler says"""
+"""Unit of the angles that a spec has in degrees or radians, as its compiler says"""
 OF_SLIDES = {
     "N m": "N",
     "N m s/rad": "N s/m",
@@ -59,10 +59,10 @@ class NumberKind:
     of: str
     """Kind of the things: joint, tendon, actuator, body or site"""
     read: Callable[[mujoco.MjModel], np.ndarray]
-    """That of all things of the kind; 0 where a thing has none"""
+    """Numbers of all things of the kind in a model; 0 where a thing has none"""
     change: Callable[..., None]
-    """Multiply that of a thing of a spec by a factor; or add to it, in its unit. Where no spec can be
-    changed, of a compiled model, with the thing's index.
+    """Multiply the number of a thing of a spec by a factor; or add to it, in its unit. Where no spec can be
+    changed, change a compiled model, given the thing's index.
     """
     prior: float = 0.3
     """Standard deviation of the logarithm of its ratio to the model's; of what is added, in its unit"""
@@ -235,7 +235,7 @@ NUMBERS: Mapping[str, NumberKind] = {
     **{f"centre of mass {axis}": _shifted("ipos", n) for n, axis in enumerate("xyz")},
     **{f"site {axis}": _shifted("pos", n) for n, axis in enumerate("xyz")},
 }
-"""By name"""
+"""Kinds of numbers by name"""
 
 
 def numbers_of(model: mujoco.MjModel, number: str) -> np.ndarray:
@@ -244,7 +244,7 @@ def numbers_of(model: mujoco.MjModel, number: str) -> np.ndarray:
 
 
 def names_of(model: mujoco.MjModel, number: str) -> list[str]:
-    """Of the things that may have a number; those without a name are counted."""
+    """Names of the things that may have a number of a kind; those without a name are numbered."""
     kind = NUMBERS[number].of
     count = {
         "body": model.nbody,

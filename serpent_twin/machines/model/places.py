@@ -100,7 +100,7 @@ class ModelPlaces(Places):
         motion: DrivenMotion,
         pieces: Segments,
     ) -> "ModelPlaces":
-        """Those of a motion of one twin."""
+        """Responses to changes at a model's places along a motion of one twin."""
         states, varies = motion.recorded(), commands(machine, pieces).std(axis=(0, 1))
         forced = forced_rows(motion.driven, states, motion.seen, varies, _few_bodies(machine.model))
         forced = replace(forced, motion=adapted(forced.motion, measured, motion, forced.free))
@@ -141,7 +141,7 @@ class ModelPlaces(Places):
 
     @cached_property
     def responses(self) -> Sequence[Response]:
-        """Of every quantity at every place where it shows: not of bodies whose motion is prescribed."""
+        """Responses to each quantity at each place where it shows: none of bodies of prescribed motion."""
         bodies, tendons = [*self._of_bodies()], [*self._of_tendons()]
         every = [
             *self._of_joints(),
@@ -161,7 +161,9 @@ class ModelPlaces(Places):
     def _of_placed(
         self, bodies: Sequence[LaggedResponse], tendons: Sequence[LaggedResponse]
     ) -> Iterator[Response]:
-        """Of sensors, and of motors whose motion is known, where sites place the joints."""
+        """Responses to changes at sensors, at motors whose motion is known and at the frame, where sites
+        place the joints.
+        """
         if not self._placed:
             return
         forces = {each.place: each for each in bodies if each.handle == "force"}
@@ -173,7 +175,9 @@ class ModelPlaces(Places):
 
     @property
     def starts(self) -> Array | None:
-        """Of all states, where segments begin as readings say."""
+        """Changes of the prediction by all states in which segments begin, (S, D, T, C), where readings say
+        these; else None.
+        """
         rows = self.forced.motion
         return rows.of_starts() if rows.adapts is not None else None
 
@@ -187,8 +191,8 @@ class ModelPlaces(Places):
         return [(name, address(self.model, name)) for name in names]
 
     def _of_joints(self) -> Iterator[Response]:
-        """Of those whose motion is not prescribed: a prescribed one takes up any torque, which no sensor of
-        MuJoCo shows.
+        """Responses of joints whose motion is not prescribed: a prescribed joint absorbs any torque, which no
+        sensor of MuJoCo shows.
         """
         prescribed = {each.joint for each in self.machine.prescribed}
         for name, dof in self._joints:
@@ -217,7 +221,7 @@ class ModelPlaces(Places):
         return _few_bodies(self.machine.model)
 
     def _of_tendons(self) -> Iterator[LaggedResponse]:
-        """Of those with a spring, where it pulls."""
+        """Responses to the slack of tendons with a spring, where the spring pulls."""
         sprung = np.flatnonzero(self.model.tendon_stiffness).tolist()
         for n in self._tendons:
             of = sprung.index(n)
@@ -269,6 +273,6 @@ def moved_bodies(model: mujoco.MjModel) -> list[int]:
 
 
 def _few_bodies(model: mujoco.MjModel) -> list[int]:
-    """The same, if there are few."""
+    """Bodies with joints and names, if they are at most `MOST`; else none."""
     found = moved_bodies(model)
     return found if len(found) <= MOST else []

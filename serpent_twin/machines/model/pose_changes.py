@@ -11,7 +11,7 @@ from serpent_twin.machines.model.poses import PosedRuns, RestingRuns, Rests
 from serpent_twin.machines.model.state_laws import StateLaws
 
 _DIFFERENCE = 1e-6
-"""Of a coordinate [rad or m]"""
+"""Finite difference of a coordinate [rad or m]"""
 _PUSH = {"joint_torque": 1e-4, **dict.fromkeys(FORCES, 1e-4), "slack": 1e-6}
 """Change of each quantity [N m or N, N or N/m, m]: so small that hardly a tendon goes slack"""
 
@@ -43,7 +43,7 @@ class PoseChanges:
         return self._of_all(self._instant.reading_of(law)[self._came]).reshape(self._shape)
 
     def change(self, law: Law) -> Array:
-        """Of what is seen, per unit of each component of what a law changes, (d, S, T, C)."""
+        """Change of what is seen per unit of each component of what a law changes, (d, S, T, C)."""
         d, by = HANDLES[law.handle].components, _PUSH[law.handle]
         found = [self._by(_Pushed(self._laws, law, push), by) for push in by * np.eye(d)]
         self._runs.rest.acting = self._laws
@@ -71,7 +71,7 @@ class PoseChanges:
         return force, self._runs.seen.read(self._runs.batch)[self._came]
 
     def _of_all(self, found: Array) -> Array:
-        """The same with zeros in the other rows."""
+        """Values of all rows, (S T, …), from those of the m rows that rest, with zeros in the others."""
         out = np.zeros((self._shape[0] * self._shape[1], *found.shape[1:]))
         out[self._came] = found
         return out
@@ -84,7 +84,7 @@ class _Pushed:
     laws: StateLaws
     law: Law
     push: Sequence[float]
-    """Of each component, (d,)"""
+    """Change of each component of what the law changes, (d,)"""
 
     def start(self) -> None:
         """Write all of it."""

@@ -33,11 +33,11 @@ T = TypeVar("T")
 _MOST = 12
 """Joints, bodies or tendons at which laws of poses are sought: each takes a search for rests"""
 _SHARE = 0.1
-"""Of a command's scatter in the logs, by which it is changed: dry friction takes up less"""
+"""Change of a command as a fraction of its scatter in the logs: dry friction absorbs a smaller one"""
 _STILL = 1e-9
 """Scatter [rad, m or 1] below which a command is the same in all rows"""
 _ROUNDING = 1e-6
-"""Of the largest response to one quantity, below which a place shows nothing: what differences leave"""
+"""Fraction of the largest response to one quantity, below which a response is finite-difference error"""
 
 
 def places_at_rest(
@@ -46,7 +46,9 @@ def places_at_rest(
     point: ParameterVector,
     pieces: Segments,
 ) -> PlacesInRow:
-    """Those of a twin. What dry friction takes up of a torque, a force or a slack is left out."""
+    """Responses of a twin at rest to unit changes at its places; those to torques, forces and slack neglect
+    dry friction.
+    """
     machine, measured, shape = twin.machine, twin.measured, pieces.time.shape
     laws, followed = _laws(machine), _followed(machine.model)
     readings = {each: np.zeros(shape) for each in followed}
@@ -98,7 +100,7 @@ def _joints(model: mujoco.MjModel) -> list[str]:
 
 
 def _tendons(model: mujoco.MjModel) -> list[str]:
-    """Those that have a spring, or drives that set their length [m]."""
+    """Names of a few tendons that have a spring, or drives that set their length [m]."""
     names = [name for n in range(model.ntendon) if (name := model.tendon(n).name)]
     pull = {model.tendon(n).name for n in np.flatnonzero(model.tendon_stiffness)}
     on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
@@ -113,8 +115,8 @@ def _moves(model: mujoco.MjModel, body: int, held: Collection[tuple[str, str]]) 
 
 
 def _few(several: Sequence[T]) -> list[T]:
-    """At most so many as laws are sought at, at even steps and the last included: in a long chain, what acts
-    on neighbours moves it nearly alike.
+    """Select at most `_MOST` items, at even steps and the last included: in a long chain, what acts on
+    neighbours moves it nearly alike.
     """
     if len(several) <= _MOST:
         return [*several]
@@ -122,7 +124,7 @@ def _few(several: Sequence[T]) -> list[T]:
 
 
 def _shown(found: Sequence[PlaceResponse]) -> Iterator[PlaceResponse]:
-    """Those that show in what is measured, without what differences leave of others."""
+    """Keep the responses that show in what is measured, and set what is finite-difference error to zero."""
     for each in found:
         most = max(np.abs(one.change).max() for one in found if one.handle == each.handle)
         change = np.where(np.abs(each.change) > _ROUNDING * most, each.change, 0.0)
@@ -144,7 +146,9 @@ def _of_commands(
     point: ParameterVector,
     pieces: Segments,
 ) -> list[PlaceResponse]:
-    """By differences: the twin is settled again for each actuator, with its command changed a little."""
+    """Responses to commands by finite differences: the twin is settled again for each actuator, with its
+    command changed a little.
+    """
     laws, steps = [], []
     for (reading, name), x in clocks_and_commands(machine, pieces).items():
         if reading == ACTUATOR_COMMAND and np.std(x) > _STILL:

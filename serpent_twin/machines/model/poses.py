@@ -42,13 +42,13 @@ class PosedRuns:
     seen: Seen
     pieces: Segments
     motion: KnownMotion | None
-    """Of what is prescribed, which holds"""
+    """Known positions of the prescribed joints and tendons, which are held there; None if there are none"""
     laws: Sequence[Effect]
-    """That follow the pose or a clock"""
+    """Laws that act at rest: constant ones, and those that follow the pose or a clock"""
 
     @cached_property
     def time(self) -> Array:
-        """Since the sessions began [s], (S, T)."""
+        """Times of the rows since their sessions began [s], (S, T)."""
         return session_time(self.pieces)
 
     @property
@@ -76,7 +76,7 @@ class PosedRuns:
 
     @property
     def flat_at(self) -> Array | None:
-        """The same of all rows one after the other, (S T, P)."""
+        """Angles and lengths of what is prescribed in all rows, one after the other, (S T, P)."""
         return None if self.at is None else self.at.reshape(self.time.size, -1)
 
 
@@ -179,7 +179,7 @@ def _nearest_of_few(told: Array) -> NDArray[np.intp]:
 
 
 def _held(runs: RestingRuns, posed: PosedRuns, free: _Free) -> Settled:
-    """The same of a model that dry friction holds on its way from row to row, but not in the first row."""
+    """Settle a model row by row under dry friction; the first row starts frictionless."""
     told, at, time, pose = posed.told, posed.at, posed.time, runs.pose
     T, friction = told.shape[1], DryFriction(runs.batch)
     runs.rest.friction = friction

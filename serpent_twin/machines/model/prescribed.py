@@ -89,17 +89,17 @@ class Efforts:
 
     dof: list[int]
     inertia: Array
-    """That makes them heavy, (n, E)"""
+    """Armature that makes the joints heavy, (n, E)"""
     dry: Array
     """[N m or N], (n, E)"""
     viscous: Array
     """[N m s/rad or N s/m], (n, E)"""
     torque: Array
-    """Of effects on the joints [N m or N], (n, E)"""
+    """Torques or forces of effects on the joints [N m or N], (n, E)"""
 
     @classmethod
     def at(cls, models: Sequence[mujoco.MjModel], joints: Sequence[str]) -> "Efforts":
-        """Those of some joints in runs of some models."""
+        """Efforts of some joints in runs of some models."""
         dof = [int(models[0].joint(name).dofadr[0]) for name in joints]
         kept = [[model.joint(name).user[:3] for name in joints] for model in models]
         dry, viscous, own = np.moveaxis(np.reshape(kept, (len(models), len(dof), 3)), -1, 0)
@@ -115,7 +115,7 @@ class Efforts:
 
 
 NO_EFFORTS = Efforts([], *np.zeros((4, 1, 0)))
-"""Of machines in which nothing says what drives a joint"""
+"""Efforts of machines in which nothing says what drives a joint"""
 
 
 class Prescription:
@@ -147,7 +147,7 @@ class Prescription:
         own = np.array([model.joint(name).user[2] for name in names]) if motion else 0.0
         self._inertia = model.dof_armature[speed] - own
         self.shift = np.zeros((len(self._qpos), len(names)))
-        """By which joints are off the motion, where effects part them from what drives them [rad or m]"""
+        """Offset of the joints from the motion, where effects part them from what drives them [rad or m]"""
 
     def hold(self, at: Array) -> None:
         """Constrain to angles and lengths [SI], (n, P)."""
@@ -219,7 +219,9 @@ class PrescribedSteps:
     """
 
     def __init__(self, motion: KnownMotion, steps: int, step: Array, times: int = 1) -> None:
-        """So many steps of a length [s], (S,), in a row; each run so many times one after the other."""
+        """Interpolate a motion at `steps` time steps of a length [s], (S,), in each row; each run is repeated
+        `times` times in succession.
+        """
         rows = motion.at.shape[
             1
         ]  # after the last of which a derivative takes the steps of one more

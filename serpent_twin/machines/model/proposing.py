@@ -37,9 +37,9 @@ _POSES, _FEWEST_ROWS, _MOST_ROWS = 20, 4 * LEAD, 2000
 _REST = 0.2
 """Share of a piece of motion at its end, in which the machine comes to rest again"""
 _SHARES = (1.0, 0.5, 0.25)
-"""Of what the logs used of a drive, to and fro, in each turn of tries"""
+"""Fraction of a drive's range in the logs, to either side, in each turn of tries"""
 _STILL = 0.05
-"""Of what the logs showed, within which the twin is at rest"""
+"""Fraction of a channel's range in the logs, within which the twin is at rest"""
 
 
 def propose(
@@ -104,7 +104,7 @@ def _logs(
 
 
 def _watched(machine: ModelMachine) -> ModelMachine:
-    """The same, of which the joints with a range are measured, too, that its logs lack."""
+    """Copy of a machine that also measures the joints with a range that its logs lack."""
     described = machine.described
     joints = unmeasured_joints(described).items()
     more = [MeasuredColumns((joint,), unit, joint=joint) for joint, unit in joints]

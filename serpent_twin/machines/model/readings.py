@@ -52,18 +52,18 @@ class ReadRuns(Instant):
     clocks: Clocks
     """When the runs begin"""
     angles: Mapping[str, Array]
-    """Of joints, or lengths [rad or m], (n, T), by name"""
+    """Angles of joints, or lengths [rad or m], (n, T), by name"""
     reading: Array
     """(n, T, C)"""
 
     @property
     def time(self) -> Array:
-        """Since the session began [s], (n, T)."""
+        """Times since the session began [s], (n, T)."""
         return self.clocks.begun[:, None] + self.dt * np.arange(self.reading.shape[1])
 
     @property
     def prior_runtime(self) -> Array:
-        """From the beginning of the log to that of the session [s], (n, 1)."""
+        """Time from the beginning of the log to that of the session [s], (n, 1)."""
         return self.clocks.prior_runtime[:, None]
 
     def follow(self, reading: str, place: str) -> Array:

@@ -36,7 +36,7 @@ class MeasuredJoints:
     """(n, T, J)"""
 
     def repeated(self, times: int) -> "MeasuredJoints":
-        """The same runs several times, one after the other."""
+        """Repeat the runs several times, one set after the other."""
         angle, rate = (np.tile(each, (times, 1, 1)) for each in (self.angle, self.rate))
         return MeasuredJoints(self.names, angle, rate)
 
@@ -80,7 +80,7 @@ class FollowedSessions:
     """States in the first R rows of n whole sessions."""
 
     states: Sequence[FullStates]
-    """Of all sessions, by row"""
+    """States of all sessions, by row"""
 
     def at(self, session: NDArray[np.intp], row: NDArray[np.intp]) -> FullStates:
         """States in some rows of some sessions, (k,) each."""

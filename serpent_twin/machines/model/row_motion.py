@@ -49,9 +49,9 @@ class ForcedRows:
     slack_shows: Array
     """Change of the prediction in the row itself, (L, S, T, C)"""
     by_command: Array
-    """As by a force, by what each actuator is told, (nu, S, T, D)"""
+    """Change of the next row's state by what each actuator is commanded, (nu, S, T, D)"""
     command_shows: Array
-    """And in the row itself, (nu, S, T, C)"""
+    """Change of the prediction in the row itself by what each actuator is commanded, (nu, S, T, C)"""
     push_shows: Array | None
     """Change of the prediction in the row itself by a force on each body along the world's axes,
     (B, 3, S, T, C); None where nothing that is measured depends on forces
@@ -106,7 +106,7 @@ def linear_motion(
 
 def _row_motion(steps: RowChanges, shows: Array) -> RowMotion:
     """Motion through all rows, after the last of which there is none; what states show is (D, S, T, C)."""
-    goes_on = np.insert(steps.goes_on, steps.goes_on.shape[1], 0.0, axis=1)
+    goes_on = np.insert(steps.A, steps.A.shape[1], 0.0, axis=1)
     return RowMotion(goes_on, np.moveaxis(shows, 0, -1))
 
 
@@ -233,7 +233,7 @@ def adapted(
     """Motion from row to row whose first states follow what is read in the lead, where readings say them."""
     if motion.gain is None:
         return rows
-    (S, _, C, D), joints = rows.shows.shape, motion.start.joints
+    (S, _, C, D), joints = rows.C.shape, motion.start.joints
     model, at = motion.driven.models[0], list(free)
     out = np.zeros((S, D, LEAD, C))
     gain = motion.gain.reshape(S, len(joints), 2, len(joints), LEAD)

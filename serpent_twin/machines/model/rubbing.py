@@ -17,7 +17,7 @@ from serpent_twin.tables.segments import Segments
 
 _STRENGTH = {"tendon_friction": "force", "hinge_friction": "coulomb"}
 _SHOWS = 0.02
-"""Of the span of what is measured, by which typical friction holds it off"""
+"""Change by typical friction (rms), as a fraction of the span of what is measured"""
 _TRIES, _FARTHEST = 8, 30.0
 """Strengths that are tried, each at most so many times the one before"""
 _FIRST = 1e-3
@@ -41,9 +41,7 @@ def rubbing(machine: Described) -> Iterator[Candidate]:
 
 
 def sized(machine: ModelMachine, few: Segments) -> ModelMachine:
-    """The same machine, its friction of such strengths as change what is seen of some poses by a share of
-    its span.
-    """
+    """Copy of a machine whose typical friction changes what is seen of some poses by a share of its span."""
     known, at = dict(machine.known), ParameterVector.nominal(machine.declared)
     laws = [law for law in _STRENGTH if law in known]
     free = machine.respond([at], few)[0] if laws else np.empty(0)

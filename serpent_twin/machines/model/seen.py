@@ -61,7 +61,7 @@ class Seen:
         return np.flatnonzero(each)
 
     def repeated(self, times: int) -> "Seen":
-        """The same runs several times, one after the other, of one twin."""
+        """Repeat the runs of one twin several times, one set after the other."""
         return Seen(self._machine, self._frame, [*self._twins] * times)
 
     def bind(self, batch: Batch, models: Sequence[mujoco.MjModel] = ()) -> None:
@@ -162,12 +162,12 @@ def beginning(model: mujoco.MjModel, machine: Described) -> Array:
 
 
 def address(model: mujoco.MjModel, joint: str) -> int:
-    """Of a hinge or slide in qpos."""
+    """Address of a hinge or slide in qpos."""
     return int(model.joint(joint).qposadr[0])
 
 
 def joint_angles(model: mujoco.MjModel, pose: Array) -> dict[str, Array]:
-    """Of the hinges and slides that have names, (...), in poses, (..., nq)."""
+    """Angles of hinges and positions of slides that have names, (...), by name, in poses, (..., nq)."""
     joints = [model.joint(int(n)).name for n in single_joints(model)]
     return {name: pose[..., address(model, name)] for name in joints if name}
 

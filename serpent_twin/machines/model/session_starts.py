@@ -46,7 +46,7 @@ class Begun:
     rests: bool
     """Whether where the model comes to rest, else in the keyframe"""
     change: Array
-    """From there, in the tangent space, of what is not measured, (2 nv + na,)"""
+    """Change from the rest or the keyframe, in the tangent space, of what is not measured, (2 nv + na,)"""
     off: Array
     """Root mean square of what the nominal model leaves in the first rows and in those after, (2, C)"""
 
@@ -79,7 +79,7 @@ class Sessions:
         return with_constrained_rates(self.driven.models, found.moved(model, change), self.joints)
 
     def in_keyframe(self) -> FullStates:
-        """At rest in the keyframe, but for the measured joints."""
+        """States at rest in the keyframe, but for the measured joints."""
         runs = SteppedRuns(self.driven, self.seen, self.steps)
         runs.begin(self.joints.beginning(beginning(self.model, self.machine)))
         found = read_states(runs.batch, runs.step / 2 * runs.leaps)
@@ -107,7 +107,7 @@ class SessionStarts:
     known: list[tuple[Log, Begun]] = field(default_factory=list)
 
     def missing(self, runs: Sequence[Log]) -> list[Log]:
-        """Those of some sessions of which it is not known yet how they begin."""
+        """Sessions whose start is not known yet, among some."""
         return [run for run in runs if not any(each is run for each, _ in self.known)]
 
     def of(self, runs: Sequence[Log]) -> list[Begun]:

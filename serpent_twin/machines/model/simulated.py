@@ -50,7 +50,7 @@ class SimulatedModel(MachineOfColumns):
     known: Mapping[str, Candidate]
     """The candidates"""
     coordinates: tuple[FittedNumber, ...]
-    """Of the model, its drives and cameras"""
+    """Coordinates of the fit: of the model, its drives and cameras"""
     logged: LoggedLimits
     """What motions keep that are proposed"""
     frame: Mapping[str, Any]
@@ -60,9 +60,9 @@ class SimulatedModel(MachineOfColumns):
     rests: Rests = field(default_factory=Rests, compare=False, repr=False)
     """Poses found so far"""
     steps: int = STEPS[0]
-    """Of time in a row of a motion, at least"""
+    """Fewest time steps in a row of a motion"""
     row: float = 0.0
-    """Of a motion [s]"""
+    """Duration of a row of a motion [s]"""
     gains: StartGains = field(default_factory=StartGains, compare=False, repr=False)
     """How starts are improved"""
     told: ToldBefore = field(default_factory=ToldBefore, compare=False, repr=False)
@@ -74,7 +74,7 @@ class SimulatedModel(MachineOfColumns):
     before: Before = field(default_factory=Before)
     """What was found of it before something about it was changed"""
     lag: float = 0.0
-    """With which prescribed joints take up a velocity that is commanded [s]"""
+    """Time constant with which prescribed joints reach a commanded velocity [s]"""
     guess: Mapping[str, float] = field(default_factory=dict)
     """Coordinates from which the fit starts, by name; else zero"""
 
@@ -104,7 +104,7 @@ class SimulatedModel(MachineOfColumns):
         return (*self.before.effects, *effects_at(point))
 
     def alike(self, points: Sequence[ParameterVector]) -> list[list[int]]:
-        """Those with the same effects."""
+        """Group parameter vectors by the names of their effects; returns the indices of each group."""
         groups: dict[tuple[str, ...], list[int]] = {}
         for n, point in enumerate(points):
             groups.setdefault(tuple(point.effects), []).append(n)

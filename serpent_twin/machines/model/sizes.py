@@ -25,7 +25,7 @@ _DIFFERENCE = 1e-6
 _LEAST = 1e-9
 _STILL = 1e-3  # [rad], [rad/s], [rad/s²] of a joint that does not move
 _WIDE = 20.0
-"""Of what is typical, how far a range goes"""
+"""Bound of a range, as a multiple of the typical value"""
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ def sizes(machine: Described, training: Sequence[Log]) -> Sizes:
 
 
 def _of_model(machine: Described, training: Sequence[Log]) -> Sizes:
-    """Of the nominal model along the logs: as measured, where all joints are, else as it moves by itself, as
-    accelerations by where sites are would be noise; of poses, where the search for them begins.
+    """Typical values of the nominal model along the logs: as its joints are measured, else as it moves by
+    itself, as accelerations derived from sites would be noise; for poses, where the search for them begins.
     """
     model, data = machine.model, mujoco.MjData(machine.model)
     stiffness = _stiffness(machine, data)

@@ -49,7 +49,7 @@ class Springs:
         self._bias = batch.expand("actuator_biasprm")[:, self._drives, :3].copy()
         self._servo = model.actuator_biasprm[self._drives, 1] != 0
         self.stiffness: Array = self._spring.copy()
-        """Of all that pulls in each place [N/m or N m/rad], (n, K)"""
+        """Stiffness of all that pulls in each place [N/m or N m/rad], (n, K)"""
         for k, gear, bias in zip(self._pulled, self._gear, self._bias[..., 1].T, strict=True):
             self.stiffness[:, k] -= bias * gear**2
         self.limits = np.array([self._limits(tendons, k) for k in range(len(several))])
@@ -186,7 +186,7 @@ def _kept(batch: Batch, field: str, which: list[int], k: list[int]) -> _Kept:
 
 
 def _range(model: mujoco.MjModel, what: str, actuator: int) -> Array:
-    """Of an actuator's control or force; infinite where it is not limited."""
+    """Range of an actuator's control or force; infinite where it is not limited."""
     if not getattr(model, f"actuator_{what}limited")[actuator]:
         return np.array([-np.inf, np.inf])
     return getattr(model, f"actuator_{what}range")[actuator]

@@ -28,7 +28,7 @@ class SegmentStart:
     """Where segments begin: J joints in the first row, and what was read of them in the rows of the lead."""
 
     joints: tuple[str, ...]
-    """Those that are measured or prescribed"""
+    """Names of the joints that are measured, prescribed or placed by sites"""
     state: Array
     """Angle and rate of each, (S, J, 2)"""
     reading: Array
@@ -41,7 +41,7 @@ class SegmentStart:
     """Joints that begin at rest between the others"""
 
     def repeated(self, times: int) -> "SegmentStart":
-        """The same segments several times, one after the other."""
+        """Repeat the segments several times, one set after the other."""
         state, reading = (np.tile(each, (times, 1, 1)) for each in (self.state, self.reading))
         return replace(self, state=state, reading=reading)
 

@@ -88,15 +88,15 @@ class Earlier:
     """U sessions as they were measured, from which effects remember what was before the S runs."""
 
     pose: Array
-    """From each row to the next, in the mean, (U, K, nq)"""
+    """Mean pose from each row to the next, (U, K, nq)"""
     rate: Array
-    """The same, (U, K, nv)"""
+    """Mean rate from each row to the next, (U, K, nv)"""
     told: Array
     """What the drives tell the actuators, (U, K, nu)"""
     session: NDArray[np.intp]
     """Which is each run's, (S,)"""
     rows: NDArray[np.intp]
-    """Before each run, (S,)"""
+    """Number of rows before each run, (S,)"""
     period: Array
     """Between rows of each run's session [s], (S,)"""
 
@@ -106,7 +106,7 @@ class Acting:
     """Effects on the state of S runs, and when these begin."""
 
     several: Sequence[Sequence[Effect]]
-    """Of each run, at least one, (S,)"""
+    """Effects of each run, at least one, (S,)"""
     clocks: Clocks
     """When the runs begin"""
     earlier: Earlier | None = None

@@ -153,7 +153,7 @@ class StateLaws:
 
     @property
     def _time(self) -> Array:
-        """Since the sessions began [s], (n, 1)."""
+        """Time since the sessions began [s], (n, 1)."""
         return self._acting.clocks.begun[:, None] + self._clock[:, None]
 
     def misread(self, shown: Array, views: Views) -> Array:

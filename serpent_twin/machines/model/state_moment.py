@@ -61,38 +61,38 @@ class StateMoment(Instant):
     has_places: ClassVar[bool] = True
 
     names: Mapping[str, Sequence[str]]
-    """Of the places of each kind"""
+    """Names of the places of each kind"""
     all_of: Mapping[str, NDArray[np.intp] | slice]
-    """Which of them an effect without a place is at, by the quantity or its kind: friction of gears at the
-    joints that are driven, other changes of joints at those whose motion is not prescribed, and of springs
-    at tendons
+    """Places that an effect without a place is at, by the quantity or its kind: friction of gears at the
+    joints that are driven, other changes of joints at those whose motion is not prescribed, and of springs at
+    tendons
     """
     dt: Array
     """[s], (n, 1); 0 where memories do not go on"""
     time: Array
-    """Since the session began [s], (n, 1)"""
+    """Time since the session began [s], (n, 1)"""
     prior_runtime: Array
-    """From the beginning of the log to that of the session [s], (n, 1)"""
+    """Time from the beginning of the log to that of the session [s], (n, 1)"""
     joint_angle: Array
     """Or length [rad or m], (n, J)"""
     joint_velocity: Array
     """[rad/s or m/s], (n, J)"""
     motor_angle: Array
-    """Of joints whose motion is prescribed, as logged [rad or m], (n, P)"""
+    """Angle or length of joints whose motion is prescribed, as logged [rad or m], (n, P)"""
     motor_velocity: Array
     """[rad/s or m/s], (n, P)"""
     wound: Array
-    """As the lengths of the tendons have it [rad or m], (n, P)"""
+    """Angle or length of prescribed joints with which the tendons' lengths are computed [rad or m], (n, P)"""
     winches: NDArray[np.intp]
-    """Which of the joints they are, (P,)"""
+    """Indices among the joints of those whose motion is prescribed, (P,)"""
     levers: Array
     """Change of the tendons' lengths with the joints [m/rad or 1], (n, L, J)"""
     body_position: Array
-    """Of the centre of mass in the world [m], (n, B, 3)"""
+    """Position of each body's centre of mass in the world [m], (n, B, 3)"""
     body_rotation: Array
-    """From the body's frame to the world's, (n, B, 3, 3)"""
+    """Rotation from each body's frame to the world's, (n, B, 3, 3)"""
     free_stretch: Array
-    """By which a spring is stretched beyond the rest that it has without effects [m or rad], (n, K)"""
+    """Stretch of each spring beyond the rest that it has without effects [m or rad], (n, K)"""
     told_pull: Array
     """What motors pull on a tendon [N], (n, K)"""
     limits: Array
@@ -113,7 +113,7 @@ class StateMoment(Instant):
     transition_velocity: Array
     """Speed below which that friction is in proportion to the speed [rad/s or m/s], (n, J)"""
     winch_angle: Array
-    """By which joints whose motion is prescribed move on what hangs on them [rad or m], (n, P)"""
+    """Angle or length by which prescribed joints move what hangs on them [rad or m], (n, P)"""
     tendon_friction: Array
     """Coulomb friction along the tendons [N], (n, L)"""
     slack: Array
@@ -123,7 +123,7 @@ class StateMoment(Instant):
     wrench: Array
     """Force and torque on bodies at the centre of mass, in the world [N, N m], (n, B, 6)"""
     acceleration: Array
-    """Of what does not move, in the world [m/s²], (n, 3)"""
+    """Acceleration of the bodies that are fixed, in the world [m/s²], (n, 3)"""
     presliding: Array | float = 0.0
     """Compliance of joints that stick, which is in the torques and frictions above [rad/(N m)], or (n, 1)"""
 
@@ -147,9 +147,7 @@ class StateMoment(Instant):
 
     @property
     def stretch(self) -> Array:
-        """By which a spring is stretched beyond its rest [m or rad]; where it can only pull, never less than
-        nothing; (n, K).
-        """
+        """Stretch of each spring beyond its rest [m or rad], (n, K); at least 0 where it can only pull."""
         free = self.free_stretch - self.slack
         turned = (self.winch_angle - self.wound)[..., None]
         if turned.any():

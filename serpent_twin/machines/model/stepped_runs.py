@@ -25,7 +25,7 @@ from serpent_twin.runs.processes import threads
 
 _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
 _ROUNDING = 1e-6
-"""Of a number of time steps, as clocks of logs have it"""
+"""Rounding error of a number of time steps, due to the clocks of logs"""
 
 
 @dataclass(frozen=True)
@@ -33,15 +33,15 @@ class DrivenRuns:
     """The models of n runs, and what drives them."""
 
     models: Sequence[mujoco.MjModel]
-    """Of one structure, (n,)"""
+    """Models of one structure, (n,)"""
     told: Array
     """Their controls from one row to the next, or several times in each, (n, T, nu)"""
     off: NDArray[np.int32]
     """Which groups of actuators are off, (n, T)"""
     period: Array
-    """Of a row [s], (n,)"""
+    """Duration of a row [s], (n,)"""
     known: KnownMotion | None = None
-    """Of prescribed motion"""
+    """Motion of the prescribed joints and tendons, if any"""
 
     @property
     def rows(self) -> int:
@@ -49,7 +49,7 @@ class DrivenRuns:
         return self.off.shape[1]
 
     def repeated(self, times: int) -> "DrivenRuns":
-        """The same runs several times, one after the other, where no motion is prescribed."""
+        """Repeat the runs several times, one set after the other, where no motion is prescribed."""
         told, off = np.tile(self.told, (times, 1, 1)), np.tile(self.off, (times, 1))
         return DrivenRuns([*self.models] * times, told, off, np.tile(self.period, times))
 

@@ -12,7 +12,7 @@ from serpent_twin.machines.model.described import Described
 from serpent_twin.tables.segments import Segments
 
 _GROUPS = 31
-"""Of actuators, which MuJoCo can disable one by one"""
+"""Number of groups of actuators that MuJoCo can disable one by one"""
 _ON = 0.5
 """Value of a column above which what it enables is on"""
 

@@ -61,7 +61,7 @@ def lengths(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
 
 
 def joint_type(model: mujoco.MjModel, name: str) -> str:
-    """Of a joint: free, ball, slide or hinge."""
+    """Type of a joint: free, ball, slide or hinge."""
     return _JOINTS[mujoco.mjtJoint(int(model.joint(name).type[0]))]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from serpent_twin import stored
 
 FILE = "track_record.json"
-"""Beside machine.toml, as experiments.how_often_right writes it"""
+"""Name of the file beside machine.toml that experiments.how_often_right writes"""
 
 
 @cache

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _ARM = "serpent_twin design"
 """Kind of the serpentine arm's twin.json"""
 VERSION: Literal[2] = 2
-"""Of twin.json; a file without one has the same keys"""
+"""Version of twin.json; a file without one has the same keys"""
 _ADVICE = "Give the twin.json that `python -m serpent_twin.trace` wrote for this machine."
 Number = Annotated[float, stored.within(-1e6, 1e6)]
 """Finite: a coordinate in its own unit"""
@@ -53,7 +53,7 @@ class MachineTwin(stored.Form, frozen=True):
     fitted_to: dict[str, str] = field(default_factory=dict)
     """SHA-256 of the runs that it was fitted to"""
     standard_error: dict[str, Number] = field(default_factory=dict)
-    """Of its coordinates"""
+    """Standard errors of the twin's coordinates"""
     error: Annotated[float, stored.within(0.0, 1e6)] = 0.0
     """Mean error of the pose on those runs, in its measure's unit; 0 if unknown"""
     noise: dict[str, Annotated[float, stored.within(0.0, 1e6)]] = field(default_factory=dict)

@@ -53,7 +53,7 @@ class Plateau:
     epochs: int
     """Most passes, also if the rate has not become tiny"""
     own_epochs: int = 0
-    """As many as the readout itself allows; with fewer `epochs`, training may be cut short"""
+    """Most passes that the readout itself allows; with fewer `epochs`, training may be cut short"""
     batch: int = 512
     """Windows per step"""
     rate: float = 1e-3
@@ -77,7 +77,7 @@ class OneCycle:
     epochs: int
     """Passes over the training windows"""
     own_epochs: int = 0
-    """As many as the readout itself sets; with fewer `epochs`, training is cut short"""
+    """Passes that the readout itself sets; with fewer `epochs`, training is cut short"""
     batch: int = 512
     """Windows per step"""
     rate: float = 1e-3
