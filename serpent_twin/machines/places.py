@@ -36,7 +36,9 @@ class PlaceResponse:
 
 @dataclass(frozen=True)
 class RowMotion:
-    """Row-to-row dynamics linearised about a trajectory, x' = A x, y = C x, of D states, in S segments of T rows."""
+    """Row-to-row dynamics linearised about a trajectory, x' = A x and y = C x, of D states in S segments of T
+    rows.
+    """
 
     A: Array
     """Changes of the next row's state, (S, T, D, D)"""
