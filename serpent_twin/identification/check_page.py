@@ -121,8 +121,8 @@ def _limits(found: Identifiability) -> Figure:
     label_logarithmic(axes)
     caption = (
         f"The least strength that is found, as times a typical one: |, {MIN_Z:.0f} standard errors from "
-        f"zero; ×, a gain of {100 * MIN_GAIN:.0f} %; the dot is the larger of both. Right of the dotted line, "
-        "a typical strength would not be found."
+        f"zero; ×, a gain of {100 * MIN_GAIN:.0f} %; the dot is the larger of both. Right of the dotted "
+        "line, a typical strength would not be found."
     )
     return Figure("detection_limits", drawing, caption)
 
