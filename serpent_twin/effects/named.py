@@ -139,6 +139,24 @@ class JointStiffening(Effect):
 
 
 @dataclass(frozen=True)
+class RotorInertia(Effect):
+    """Inertia n² J of a motor's rotor, J, behind a gear of ratio n, which every acceleration of a joint moves.
+
+    Models made from drawings often leave it out. At a ratio of 100, a rotor of 10 g cm² is as much as 1 kg
+    at 0.1 m.
+    Source: kinetic energy of the rotor. MJCF expresses all of it but its gyroscopic part, as the joint's
+    armature.
+    """
+
+    inertia: float = parameter("kg m²", high=10.0, typical=0.01, adds_to="joint.armature")
+    """n² J [kg m²]"""
+
+    places = ("joint",)
+    shows_in = "torques that grow with a joint's acceleration, alike in every pose"
+    confused_with = ("payload",)
+
+
+@dataclass(frozen=True)
 class MotorLatency(Effect):
     """Angles, velocities and loads that the motors report at time t are those of t − delay.
 

@@ -24,6 +24,8 @@ from serpent_twin.machines.model.doubts import (
     require_varied,
 )
 from serpent_twin.machines.model.drives import PARTS
+from serpent_twin.machines.model.held import with_offsets
+from serpent_twin.machines.model.held_motion import with_smoothed
 from serpent_twin.machines.model.known_motion import LAG
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
@@ -70,6 +72,8 @@ class ModelRig:
         runs = log_file.read_runs(self.described, source)
         if self.described.about.rows == POSES:
             return runs
+        if self.described.about.held:
+            return with_smoothed(self.described, runs)
         return with_starts(self.described, runs)
 
     def changed(self, twin: Path) -> "ModelRig":
@@ -78,6 +82,11 @@ class ModelRig:
 
     def open(self, training: Sequence[Log]) -> Case[Segments]:
         """The model as it is, the cameras' frame by the mean of the logs; or the twin of before a change."""
+        if self.described.about.held and not self.twin:
+            return replace(self, described=with_offsets(self.described, training))._open(training)
+        return self._open(training)
+
+    def _open(self, training: Sequence[Log]) -> Case[Segments]:
         fitted = coordinates(self.described)
         before = read_before(self.described, fitted, self.twin) if self.twin else Before()
         require_varied(self.described, training)
@@ -104,7 +113,7 @@ class ModelRig:
             before=before,
         )
         pieces = machine.pieces(training)
-        if self.described.about.rows == MOTION:
+        if self.described.about.moves:
             row = float(np.median(pieces.period))
             lag = row * float(np.mean(pieces.column[LAG])) if LAG in pieces.column else 0.0
             machine = replace(machine, row=row, lag=lag, segments=(searched(pieces), EVERY))

@@ -45,6 +45,8 @@ _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
 """Typical effects: of the range of a drive, of a joint's stiffness, of the mass that a body carries, of the
 force that moves a joint
 """
+_ROTOR = 0.1
+"""Typical inertia of a rotor, of what its joint moves"""
 _LIGHT = 0.01
 """Share of the whole mass that a place is taken to carry at least"""
 _RUBS_MOST = 10.0
@@ -76,6 +78,8 @@ def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candida
         found += laws_of_state(machine, training, of)
         found += of_all(machine, [_placed(machine, each) for each in found])
         found += of_all(machine, found)
+    elif machine.about.held:
+        found += laws_of_state(machine, training, of)
     else:
         found += rubbing(machine)
     found = _wanted(machine, [*found, *_bodies(machine, of)])
@@ -167,7 +171,8 @@ def _joints(machine: Described, of: Sizes) -> Iterator[Candidate]:
     """Effects of each hinge or slide: a spring, if the model has none, one that stiffens, and in motion
     friction.
     """
-    model, held = machine.model, [each.joint for each in machine.prescribed]
+    model = machine.model
+    held = [] if machine.about.held else [each.joint for each in machine.prescribed]
     driven = [acts_on(model, each.actuator) for each in machine.commanded]
     for n in single_joints(model).tolist():
         name, dof = model.joint(n).name, model.jnt_dofadr[n]
@@ -183,7 +188,10 @@ def _joints(machine: Described, of: Sizes) -> Iterator[Candidate]:
         yield sized_candidate(
             model, f"joint_stiffening@{name}", cubic=_SPRING * (stiffness / turn**2)
         )
-        if machine.about.rows == MOTION:
+        if machine.about.held and model.dof_armature[dof] == 0:
+            inertia = _ROTOR * float(model.dof_M0[dof])
+            yield sized_candidate(model, f"rotor_inertia@{name}", inertia=inertia)
+        if machine.about.moves:
             coulomb = sized_range("hinge_friction", "coulomb", _RUBS * force)
             coulomb = replace(coulomb, high=_RUBS_MOST * force)
             viscous = _RUBS * force / rate

@@ -8,8 +8,9 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Output
 from serpent_twin.machines.model.described import Described
-from serpent_twin.machines.model.description import MOTION, POSES, MeasuredColumns
+from serpent_twin.machines.model.description import POSES, MeasuredColumns
 from serpent_twin.machines.model.full_rate import columns_between
+from serpent_twin.machines.model.held_motion import held_columns
 from serpent_twin.machines.model.known_motion import without_held
 from serpent_twin.machines.model.segments import ROWS, segments
 from serpent_twin.machines.model.starts import start_columns
@@ -49,7 +50,9 @@ class MachineOfColumns:
         """Columns that a simulation reads."""
         described = self.described
         more: tuple[str, ...] = ()
-        if described.about.rows == MOTION:
+        if described.about.held:
+            more = held_columns(described)
+        elif described.about.moves:
             more = (*start_columns(described), *columns_between(described))
         return (*self.drives, *described.switches, *more)
 

@@ -119,7 +119,8 @@ def _numbers(machine: Described) -> Iterator[FittedNumber]:
     for each in machine.about.uncertain:
         yield from _listed(machine.model, each)
     for number, kind in NUMBERS.items():
-        if kind.fitted and number not in told and _moves(machine, number):
+        fitted = kind.fitted or (kind.held and machine.about.held)
+        if fitted and number not in told and _moves(machine, number):
             yield from _alike(machine, number)
 
 
@@ -154,7 +155,7 @@ def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:
     moot = {each.of for each in machine.about.known if each.number == number}
     if kind.of == "actuator":
         moot |= set(names) - {each.actuator for each in machine.commanded}
-    if kind.of == "joint":
+    if kind.of == "joint" and not machine.about.held:
         moot |= {each.joint for each in machine.prescribed}
     if kind.of == "tendon":
         moot |= {each.tendon for each in machine.prescribed}
@@ -162,7 +163,12 @@ def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:
     if kind.of == "body":
         values[model.body_weldid == 0] = 0.0  # what is fixed to the world weighs on nothing
     part = built_alike(model, kind.of)
-    several = [np.flatnonzero((values > 0) & (part == n)) for n in dict.fromkeys(part)]
+    there = values > 0
+    if kind.added:
+        there = np.array([name not in moot for name in names])
+        if kind.of == "body":
+            there &= (model.body_weldid > 0) & (model.body_mass > 0)
+    several = [np.flatnonzero(there & (part == n)) for n in dict.fromkeys(part)]
     for those in sorted((each for each in several if len(each)), key=lambda each: values[each[0]]):
         which = tuple(those.tolist())
         label = names[which[0]] if len(which) == 1 else f"{len(which)} alike from {names[which[0]]}"
@@ -192,7 +198,7 @@ def _coordinate(
 
 def _moves(machine: Described, number: str) -> bool:
     """Whether logs of this kind can show a kind of number at all."""
-    if machine.about.rows == MOTION:
+    if machine.about.moves:
         return True
     gravity = bool(machine.model.opt.gravity.any())
     return NUMBERS[number].at_rest and (number != "mass" or gravity)
@@ -203,8 +209,13 @@ def zeros_of(measured: MeasuredColumns) -> list[str]:
     return [f"zero of {name}" for name in measured.columns if measured.zero]
 
 
+def scales_of(measured: MeasuredColumns) -> list[str]:
+    """Names of the coordinates of the scales of its columns; none where they are known."""
+    return [f"scale of {name}" for name in measured.columns if measured.ratio]
+
+
 def _readings(machine: Described) -> Iterator[FittedNumber]:
-    """Zeros of what is measured."""
+    """Zeros and scales of what is measured."""
     for each in machine.about.measured:
         factor, unit = TO_SI[each.unit]
         for name in zeros_of(each):
@@ -212,6 +223,8 @@ def _readings(machine: Described) -> Iterator[FittedNumber]:
             yield FittedNumber(
                 Declared(name, unit, prior, 0.1 * prior), Quantity(name, unit, 0.0, 1.0, (name,))
             )
+        for name in scales_of(each):
+            yield _scale(name, each.ratio)
 
 
 def _cameras(machine: Described) -> Iterator[FittedNumber]:

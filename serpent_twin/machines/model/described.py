@@ -11,7 +11,6 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.model.actuator_numbers import is_dc_motor
 from serpent_twin.machines.model.bare import bare
 from serpent_twin.machines.model.description import (
-    MOTION,
     Description,
     DriveColumn,
     MeasuredColumns,
@@ -76,8 +75,7 @@ class Described:
     @property
     def winches(self) -> list[str]:
         """The joints in motion whose motion is known."""
-        moves = self.about.rows == MOTION
-        return [each.joint for each in self.prescribed if each.joint and moves]
+        return [each.joint for each in self.prescribed if each.joint and self.about.moves]
 
     @property
     def efforts(self) -> dict[str, MeasuredColumns]:

@@ -21,7 +21,7 @@ from serpent_twin.stored import Form, above, many, within
 from serpent_twin.units import TO_SI
 
 ADVICE = "docs/reference/machine-toml.md lists the keys."
-POSES, MOTION = "poses", "motion"
+POSES, MOTION, TORQUES = "poses", "motion", "torque"
 """What the rows of a log may be"""
 if TYPE_CHECKING:
     Unit = NumberName = KnownName = str
@@ -142,6 +142,8 @@ class MeasuredColumns(Form, frozen=True):
     """Standard deviation of the measurement noise, in the unit; 0: estimated from the logs"""
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation of a zero that calibration fits, in the unit; 0: known"""
+    ratio: Annotated[float, within(0.0, 10.0)] = 0.0
+    """Standard deviation of the logarithm of a scale that calibration fits, as of a torque constant; 0: known"""
     of_stall: bool = False
     """Whether `scale` is a stall torque, and errors are in percent of it"""
 
@@ -222,12 +224,14 @@ class Description(Form, frozen=True):
     """Version of this form"""
     model: Name
     """MJCF or URDF file, relative to the folder of this file"""
-    rows: Literal["poses", "motion"]
-    """Whether a log's rows are poses at rest, for each of which the model settles, or instants of a motion"""
-    drive: Annotated[tuple[DriveColumn, ...], many(1, 1000)]
-    """Columns that drive the model"""
+    rows: Literal["poses", "motion", "torque"]
+    """Whether a log's rows are poses at rest, for each of which the model settles, instants of a motion, or
+    instants at which every joint and the torques that move it are measured
+    """
     measured: Annotated[tuple[MeasuredColumns, ...], many(1, 1000)]
     """Columns that the model is compared with; the quantity of the first one is the pose"""
+    drive: Annotated[tuple[DriveColumn, ...], many(0, 1000)] = ()
+    """Columns that drive the model"""
     name: str = ""
     """Name of the machine; by default that of the folder"""
     keyframe: str = ""
@@ -262,6 +266,16 @@ class Description(Form, frozen=True):
     """Time steps of the simulation between two rows of a motion, at least 8, or one for each command where
     `every` is 4 or more, though they be longer than the model's; 0: set by the noise
     """
+
+    @property
+    def moves(self) -> bool:
+        """Whether rows are instants of a motion."""
+        return self.rows != POSES
+
+    @property
+    def held(self) -> bool:
+        """Whether rows are of torques, and every joint follows its column."""
+        return self.rows == TORQUES
 
 
 def pose_first(about: Description) -> Description:

@@ -18,6 +18,7 @@ from serpent_twin.machines.model.drives import ToldBefore, controls
 from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.filters import filtered, only_filters
 from serpent_twin.machines.model.full_states import FullStates
+from serpent_twin.machines.model.held_motion import HeldMotion
 from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.known_motion import KnownMotion, known_motion
 from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
@@ -114,10 +115,21 @@ class TwinsInMotion:
     def shown(self, pieces: Segments) -> Array:
         """What is read of each twin in each row, (D, S, T, C)."""
         sensed = self._sensed(pieces, self.measured)
-        motion = self.motion(pieces)
+        motion = self.held(pieces) if self.machine.about.held else self.motion(pieces)
         seen, pose = motion.moved()
         found = sensed(seen, angles=joint_angles(motion.driven.models[0], pose))
         return found.reshape(len(self.twins), len(pieces), *found.shape[1:])
+
+    def held(self, pieces: Segments) -> HeldMotion:
+        """The runs of joints that all follow what is known of them."""
+        each = [twin.driven(pieces) for twin in self.twins]
+        laws = [
+            acting(self.machine, driven.models[0], twin.there, twin.x, pieces)
+            for driven, twin in zip(each, self.twins, strict=True)
+        ]
+        act = together([law for law in laws if law]) if any(laws) else None
+        seen = Seen(self.machine, self.frame, [twin.x for twin in self.twins])
+        return HeldMotion(DrivenRuns.together(each), seen, act)
 
     def motion(self, pieces: Segments) -> DrivenMotion:
         """The runs, from where the log begins."""

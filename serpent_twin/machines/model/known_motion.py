@@ -37,13 +37,17 @@ class KnownMotion:
     """First-order lag with which drives reach a commanded velocity after each row [rows], (S,)"""
     dead: Array
     """Dead time after each row in which drives keep the velocity that they had [rows], (S,)"""
+    change: Array | None = None
+    """Second derivatives per row squared, (S, T, P), where the readings are smoothed"""
 
     @staticmethod
     def together(several: Sequence["KnownMotion"]) -> "KnownMotion":
         """The motion of the runs of some twins, one twin after the other."""
         names = ("at", "rate", "lag", "dead")
         each = (np.concatenate([getattr(one, n) for one in several]) for n in names)
-        return KnownMotion(several[0].machine, *each)
+        changes = [one.change for one in several if one.change is not None]
+        change = np.concatenate(changes) if changes else None
+        return KnownMotion(several[0].machine, *each, change)
 
     def read_late(self, age: Array) -> "KnownMotion":
         """The motion as its rows show it so late [rows], (S,): so much of the lag in logs is dead time."""
@@ -123,6 +127,11 @@ def rate_column(column: str) -> str:
     return f"{column} per row"
 
 
+def change_column(column: str) -> str:
+    """Name of the column of the acceleration of a prescribed motion."""
+    return f"{column} per row squared"
+
+
 def without_held(machine: Described, pieces: Segments) -> Segments:
     """Segments in which nothing counts as measured of what drives a joint while that stands: its own dry
     friction holds then whatever it must, either way.
@@ -145,7 +154,7 @@ def known_motion(
     """The prescribed motion in segments, at coordinates `x` of the fit; None if nothing is prescribed."""
     if not machine.prescribed:
         return None
-    at, rate = [], []
+    at, rate, change = [], [], []
     for each in machine.prescribed:
         scale = float(np.exp(x[ratio_of(each)])) if each.ratio and not each.exact else 1.0
         told = scale * pieces.column[each.column]
@@ -153,6 +162,11 @@ def known_motion(
         at.append(told + zero)
         usual = np.zeros_like(told)
         rate.append(scale * pieces.column.get(rate_column(each.column), usual))
+        if change_column(each.column) in pieces.column:
+            change.append(scale * pieces.column[change_column(each.column)])
     lag = pieces.column[LAG][:, 0] if LAG in pieces.column else np.zeros(len(pieces))
     none = np.zeros(len(pieces))
-    return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1), lag, none)
+    curved = np.stack(change, axis=-1) if change else None
+    return KnownMotion(
+        machine, np.stack(at, axis=-1), np.stack(rate, axis=-1), lag, none, curved
+    )

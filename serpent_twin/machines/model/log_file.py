@@ -14,7 +14,6 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import in_sequence
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import (
-    MOTION,
     Description,
     DriveColumn,
     MeasuredColumns,
@@ -69,12 +68,12 @@ def read(machine: Described, log: LogTables) -> list[Log]:
     several = [_columns(machine, each) for each in log.tables]
     labels = _labels(machine, table)
     whole = Log(table.path, {"arm": machine.name}, {}, log.name)
-    split = rows_in_motion if about.rows == MOTION else poses
+    split = rows_in_motion if about.moves else poses
     found, notes = split(machine, whole, several, labels)
-    if about.rows == MOTION:
+    if about.moves:
         found = [put_right(machine, each) for each in found]
-    found = [thinned(machine, each) for each in found]
-    for each in found if about.rows == MOTION else ():
+    found = found if about.held else [thinned(machine, each) for each in found]
+    for each in found if about.moves else ():
         require_paced(machine, table.path, each)
     metadata = _metadata_of(table) if about.known else {}
     notes = [f"{each.path}: {note}." for each in log.tables for note in each.notes] + notes
@@ -217,7 +216,7 @@ def _time(about: Description, table: DataTable) -> Array:
         return table.seconds(imported.TIME)
     if clock.scale is None:
         require_own_unit(table, clock.column, clock.unit, 1.0)
-    if about.rows == MOTION:
+    if about.moves:
         require_seconds(table, clock)
     return table.seconds(clock.column, clock.seconds, _ADVICE)
 

@@ -21,6 +21,7 @@ from serpent_twin.machines.machine import (
 from serpent_twin.machines.model.compared import compared
 from serpent_twin.machines.model.derivatives import MANY, worthwhile
 from serpent_twin.machines.model.description import MOTION, POSES
+from serpent_twin.machines.model.held_places import places_of_torques
 from serpent_twin.machines.model.in_motion import MovingTwin
 from serpent_twin.machines.model.kinematics import Parts
 from serpent_twin.machines.model.motion import StartGains
@@ -131,7 +132,7 @@ class ModelMachine(SimulatedModel):
         return super().pieces(self._begun(sessions))
 
     def _begun(self, sessions: Sequence[Log]) -> Sequence[Log]:
-        if not self.guess or self.described.about.rows == POSES:
+        if not self.guess or self.described.about.rows != MOTION:
             return sessions
         model = self._compiled(np.zeros(len(self.declared)), (), ())
         return placed_anew(replace(self.described, model=model), sessions)
@@ -173,6 +174,12 @@ class ModelMachine(SimulatedModel):
                 return places_at_rest(self._at_rest(point), self.respond, point, pieces)
         if not only_single(machine.model):
             return None
+        if machine.about.held:
+            with quietly(), np.errstate(all="ignore"):
+                motion = self._in_motion([point]).held(pieces)
+                _, pose = motion.moved()
+                model = motion.driven.models[0]
+                return places_of_torques(machine, model, self.places, pieces, pose)
         with quietly(), np.errstate(all="ignore"):
             motion = self._in_motion([point]).motion(pieces)
             return ModelPlaces.of(machine, self.places, motion, pieces)
@@ -183,7 +190,7 @@ class ModelMachine(SimulatedModel):
         """Derivatives by the model's numbers along one motion, where that is quicker than one simulation each
         and right.
         """
-        if self.described.about.rows == POSES:
+        if self.described.about.rows != MOTION:
             return {}
         stepped = partial(self._stepped, point)
         with quietly(), np.errstate(all="ignore"):
@@ -203,7 +210,7 @@ class ModelMachine(SimulatedModel):
         self, pieces: Segments, point: ParameterVector, rng: np.random.Generator
     ) -> Segments:
         """Segments begun by readings with further noise, where readings say how they begin."""
-        if self.described.about.rows == POSES:
+        if self.described.about.rows != MOTION:
             return pieces
         noise = {each.name: each.noise for each in self.outputs}
         return started_again(self.described, pieces, noise, rng)

@@ -1,6 +1,9 @@
 """Change the masses of a spec."""
 
 import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
 
 
 def weigh(body: mujoco.MjsBody, factor: float) -> None:
@@ -12,6 +15,26 @@ def weigh(body: mujoco.MjsBody, factor: float) -> None:
     for geom in body.geoms:
         geom.mass *= factor
         geom.density *= factor
+
+
+def spread(body: mujoco.MjsBody, by: Array) -> None:
+    """Deform how a body's mass is spread by an affine map (3, 3) about its centre of mass, in the body's axes.
+
+    A body whose every grain of mass is moved is a possible body: its inertia stays physically consistent,
+    as by log-Cholesky parameters. Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia,
+    IEEE Robotics and Automation Letters 7, 2022.
+    """
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, np.asarray(body.iquat))
+    axes, inertia = turn.reshape(3, 3), np.asarray(body.inertia)
+    second = np.diag(inertia.sum() / 2 - inertia)
+    second = by @ axes @ second @ axes.T @ by.T
+    whole = np.trace(second) * np.eye(3) - second
+    body.inertia, principal = np.linalg.eigh(whole)
+    principal[:, 0] *= np.sign(np.linalg.det(principal))
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, principal.ravel())
+    body.iquat = quat
 
 
 def settle_total_mass(spec: mujoco.MjSpec) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.machines.machine import Output
 from serpent_twin.machines.model.described import Described
-from serpent_twin.machines.model.description import MOTION, MeasuredColumns
+from serpent_twin.machines.model.description import MeasuredColumns
 from serpent_twin.tables.log import Log
 from serpent_twin.units import TO_SI
 
@@ -35,7 +35,7 @@ def noise(
     if measured.noise:
         return measured.noise * TO_SI[measured.unit][0]
     span = max(_span(training, each) for each in measured.columns)
-    if machine.about.rows == MOTION:
+    if machine.about.moves:
         return max(_ROUNDING * span, _jitter([run.columns[name] for run in training]))
     apart = _again(machine, training, name)
     return max(_LEAST * span, _deviation(apart) / np.sqrt(2))

@@ -25,7 +25,7 @@ from serpent_twin.machines.model.actuator_numbers import (
     scale_resistance,
     volts_per_error,
 )
-from serpent_twin.machines.model.masses import weigh
+from serpent_twin.machines.model.masses import spread, weigh
 from serpent_twin.machines.model.moment_arms import moment_arm, scale_moment_arm
 
 _SEVERAL = {
@@ -74,6 +74,8 @@ class NumberKind:
     """Whether calibration fits it without being asked"""
     at_rest: bool = True
     """Whether poses at rest show it"""
+    held: bool = False
+    """Whether rows of torque fit it without being asked"""
     compiled: bool = False
     """Whether `change` is of a compiled model"""
 
@@ -99,7 +101,40 @@ def _shifted(name: str, axis: int) -> NumberKind:
     def shift(thing: Any, by: float) -> None:
         getattr(thing, name)[axis] += 1e-3 * by
 
-    return NumberKind("mm", of, read, shift, 5.0, added=True, stated=of == "body", fitted=False)
+    return NumberKind(
+        "mm", of, read, shift, 5.0, added=True, stated=of == "body", fitted=False, held=of == "body"
+    )
+
+
+def _spread(axis: int) -> NumberKind:
+    """How far a body's mass is spread along an axis of its frame, as a ratio to the model's."""
+
+    def scale(body: Any, factor: float) -> None:
+        spread(body, np.diag(np.where(np.arange(3) == axis, factor, 1.0)))
+
+    return NumberKind("1", "body", _weighs, scale, 0.2, stated=True, fitted=False, held=True)
+
+
+def _sheared(first: int, second: int) -> NumberKind:
+    """By how much a body's mass is shifted along one axis of its frame in proportion to its place along
+    another.
+    """
+
+    def shear(body: Any, by: float) -> None:
+        change = np.eye(3)
+        change[first, second] = by
+        spread(body, change)
+
+    def none(model: mujoco.MjModel) -> np.ndarray:
+        return np.zeros(model.nbody)
+
+    return NumberKind(
+        "1", "body", none, shear, 0.2, added=True, stated=True, fitted=False, held=True
+    )
+
+
+def _weighs(model: mujoco.MjModel) -> np.ndarray:
+    return (model.body_mass > 0).astype(float)
 
 
 def _turned(name: str, compiled: str, prior: float) -> NumberKind:
@@ -233,6 +268,8 @@ NUMBERS: Mapping[str, NumberKind] = {
     "body z": _along(2),
     **{f"body angle {axis}": _angled(n) for n, axis in enumerate("xyz")},
     **{f"centre of mass {axis}": _shifted("ipos", n) for n, axis in enumerate("xyz")},
+    **{f"spread {axis}": _spread(n) for n, axis in enumerate("xyz")},
+    **{f"shear {'xyz'[n]}{'xyz'[k]}": _sheared(n, k) for n, k in ((0, 1), (0, 2), (1, 2))},
     **{f"site {axis}": _shifted("pos", n) for n, axis in enumerate("xyz")},
 }
 """Kinds of numbers by name"""

@@ -102,7 +102,7 @@ class ModelPlaces(Places):
     ) -> "ModelPlaces":
         """Responses to changes at a model's places along a motion of one twin."""
         states, varies = motion.recorded(), commands(machine, pieces).std(axis=(0, 1))
-        forced = forced_rows(motion.driven, states, motion.seen, varies, _few_bodies(machine.model))
+        forced = forced_rows(motion.driven, states, motion.seen, varies, few_bodies(machine.model))
         forced = replace(forced, motion=adapted(forced.motion, measured, motion, forced.free))
         model = motion.driven.models[0]
         return cls(machine, model, tuple(measured), motion, states, forced, pieces)
@@ -218,7 +218,7 @@ class ModelPlaces(Places):
 
     @property
     def _bodies(self) -> list[int]:
-        return _few_bodies(self.machine.model)
+        return few_bodies(self.machine.model)
 
     def _of_tendons(self) -> Iterator[LaggedResponse]:
         """Responses to the slack of tendons with a spring, where the spring pulls."""
@@ -272,7 +272,7 @@ def moved_bodies(model: mujoco.MjModel) -> list[int]:
     return [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
 
 
-def _few_bodies(model: mujoco.MjModel) -> list[int]:
+def few_bodies(model: mujoco.MjModel) -> list[int]:
     """Bodies with joints and names, if they are at most `MOST`; else none."""
     found = moved_bodies(model)
     return found if len(found) <= MOST else []

@@ -10,7 +10,7 @@ from mujoco.batch import Batch
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import addresses, in_a_row
 from serpent_twin.machines.model.described import Described
-from serpent_twin.machines.model.description import MOTION, DriveColumn
+from serpent_twin.machines.model.description import DriveColumn
 from serpent_twin.machines.model.known_motion import STANDING, KnownMotion
 
 _HELD = 0.9999
@@ -39,7 +39,7 @@ def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
     takes it for a force that holds back. Dry and viscous friction of a joint in motion only add to what
     drives it, see `Efforts`; its user data keep them, and its own armature.
     """
-    moves = machine.about.rows == MOTION
+    moves = machine.about.moves
     if machine.prescribed and spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     constrained = []

@@ -21,6 +21,7 @@ from serpent_twin.machines.model.description import (
 )
 from serpent_twin.machines.model.drive_errors import amiss_in_drives
 from serpent_twin.machines.model.files import files
+from serpent_twin.machines.model.held import as_held
 from serpent_twin.machines.model.known import amiss_known
 from serpent_twin.machines.model.lines import with_line
 from serpent_twin.machines.model.masses import settle_total_mass
@@ -61,13 +62,14 @@ def read(path: Path, model_file: Path | None = None) -> Described:
         spec = mujoco.MjSpec.from_file(str(file))
         settle_total_mass(spec)
         model = spec.compile()
-        if any(NUMBERS[each.number].stated for each in about.uncertain):
+        if about.held or any(NUMBERS[each.number].stated for each in about.uncertain):
             state_all(spec, model)
     except ValueError as error:
         raise SerpentError(
             f"{file} is no model that MuJoCo builds: {' '.join(str(error).split()).rstrip('.')}. Mend the "
             "MJCF."
         ) from None
+    about = as_held(about, model) if about.held else about
     problem = next(iter(_amiss(about, model)), None)
     if problem:
         key, text = problem
@@ -102,8 +104,8 @@ def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
             (f"measured[{n}].{key}".rstrip("."), why)
             for key, why in _amiss_measured(each, about, model)
         ]
-    if about.rows == MOTION and not about.time:
-        found.append(("rows", f'is "{MOTION}", and no time column is named: add [time].'))
+    if about.moves and not about.time:
+        found.append(("rows", f'is "{about.rows}", and no time column is named: add [time].'))
     if about.lead and about.rows != MOTION:
         found.append(("lead", f'is of a motion, and rows are "{about.rows}": leave it out.'))
     if about.lead and about.start:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
+from serpent_twin.machines.model.coordinates import CAMERAS, scales_of, zeros_of
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import MeasuredColumns
 from serpent_twin.machines.model.misread import Views
@@ -101,6 +101,9 @@ class Seen:
                 sensor = model.sensor(name)
                 first = int(sensor.adr[0])
                 found.append(batch.bind("sensordata")[:, first : first + int(sensor.dim[0])].copy())
+            if scales := scales_of(each):
+                scale = np.array([[np.exp(-x[of]) for of in scales] for x in self._twins])
+                found[-1] *= scale.repeat(len(found[-1]) // len(scale), axis=0)
             if zeros := zeros_of(each):
                 zero = np.array([[x[of] for of in zeros] for x in self._twins])
                 found[-1] += zero.repeat(len(found[-1]) // len(zero), axis=0)

@@ -31,10 +31,10 @@ def segments(machine: Described, run: Log) -> list[Stretch]:
     """A session in parts of nearly one length, each after a lead in which nothing counts as measured; whole,
     if a motion can start from its first row only.
     """
-    about, moves = machine.about, machine.about.rows == MOTION
+    about, moves = machine.about, machine.about.moves
     whole = moves and not starts_anywhere(machine)
-    lead = 0 if whole else lead_of(machine, run)
-    settles = moves and not whole and not lead and len(run) > _SETTLES * LEAD
+    lead = 0 if whole or about.held else lead_of(machine, run)
+    settles = moves and not about.held and not whole and not lead and len(run) > _SETTLES * LEAD
     first = (LEAD if settles else lead) if moves else 0
     size = about.segment or (ROWS if moves else _POSES)
     parts = 1 if whole else ceil(len(run) / size)

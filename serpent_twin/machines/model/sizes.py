@@ -11,7 +11,6 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range, law_of, place_of
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.model.described import Described
-from serpent_twin.machines.model.description import MOTION
 from serpent_twin.machines.model.from_sites import placed_joints
 from serpent_twin.machines.model.numbers import OF_SLIDES
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
@@ -70,7 +69,7 @@ def _of_model(machine: Described, training: Sequence[Log]) -> Sizes:
     model, data = machine.model, mujoco.MjData(machine.model)
     stiffness = _stiffness(machine, data)
     joints = {} if placed_joints(machine) else measured_joints(machine)
-    if machine.about.rows != MOTION:
+    if not machine.about.moves:
         mujoco.mj_resetData(model, data)
         data.qpos[:] = machine.begin
         mujoco.mj_inverse(model, data)

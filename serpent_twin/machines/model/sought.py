@@ -11,7 +11,6 @@ from serpent_twin import stored
 from serpent_twin.effects import law_of
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.model.described import Described
-from serpent_twin.machines.model.description import MOTION
 from serpent_twin.machines.model.places import MOST, only_single
 from serpent_twin.machines.model.things import acts_on, joints_moving
 from serpent_twin.numerals import counted, listed
@@ -68,11 +67,11 @@ def _said(machine: Described, left: Mapping[str, int], kept: Mapping[str, int]) 
             f'Name what you suspect in machine.toml, such as candidates = ["{example}@*"]: only that is '
             "sought then, at all of its places."
         )
-    if machine.about.rows == MOTION and not only_single(machine.model):
+    if machine.about.moves and not only_single(machine.model):
         many = machine.model.njnt > MOST
         has = f"more than {MOST} joints" if many else "joints that are no hinges or slides"
         yield f"No law is composed of what no effect explains: the model has {has}."
-    if machine.about.rows == MOTION and (unknown := _unmeasured(machine)):
+    if machine.about.moves and (unknown := _unmeasured(machine)):
         yield (
             f"Nothing measures {unknown}: what begins and moves there is the model's, and an effect there "
             "shows only by what it does to what is measured."

@@ -1,0 +1,127 @@
+"""Say which torques a motion needs whose every joint is measured: rows of torque."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.engine.stepper import side_by_side
+from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.known_motion import KnownMotion, change_column, rate_column
+from serpent_twin.machines.model.prescribed import Prescription
+from serpent_twin.machines.model.seen import Seen
+from serpent_twin.machines.model.starts import angle_of, rate_of
+from serpent_twin.machines.model.state_effects import Acting
+from serpent_twin.machines.model.state_laws import StateLaws
+from serpent_twin.machines.model.stepped_runs import DrivenRuns
+from serpent_twin.machines.rig import NOTES
+from serpent_twin.runs.processes import threads
+from serpent_twin.tables.log import Log
+from serpent_twin.tables.smoothing import cutoff, smoothed
+
+_NOTHING = mujoco.mjtStage.mjSTAGE_NONE
+
+
+def with_smoothed(machine: Described, runs: Sequence[Log]) -> list[Log]:
+    """Logs in which the motion of all joints is smoothed, with its rates and accelerations per row; nothing
+    counts as measured at both ends, where derivatives are uncertain.
+    """
+    names = {each.joint: each.column for each in machine.prescribed}
+    hz = [cutoff([run.columns[name] for run in runs], runs[0].period) for name in names.values()]
+    said = ", ".join(f"{joint} {each:.3g} Hz" for joint, each in zip(names, hz, strict=True))
+    note = f"the motion of joints is filtered, without delay, where noise begins: {said}."
+    return [_with_smoothed(machine, names, run, hz, note) for run in runs]
+
+
+def _with_smoothed(
+    machine: Described, names: Mapping[str, str], run: Log, hz: Sequence[float], note: str
+) -> Log:
+    angle = np.stack([run.columns[name] for name in names.values()], axis=1)
+    motion, more = smoothed(angle, run.period, hz), dict[str, Array]()
+    for n, (joint, name) in enumerate(names.items()):
+        more[name] = more[angle_of(joint)] = motion.angle[:, n]
+        more[rate_of(joint)] = motion.rate[:, n]
+        more[rate_column(name)] = motion.rate[:, n] * run.period
+        more[change_column(name)] = motion.acceleration[:, n] * run.period**2
+    known = np.zeros(len(run), bool)
+    known[motion.edge : len(run) - motion.edge] = True
+    for each in machine.about.measured:
+        more |= {name: np.where(known, run.columns[name], np.nan) for name in each.columns}
+    every = slice(None, None, machine.about.every)
+    columns = {name: of[every] for name, of in {**run.columns, **more}.items()}
+    notes = (*run.metadata.get(NOTES, ()), f"{run.name}: {note}")
+    return replace(run, columns=columns, metadata=run.metadata | {NOTES: notes})
+
+
+def held_columns(machine: Described) -> list[str]:
+    """Names of the columns that `with_smoothed` adds and a twin reads."""
+    of = [each.column for each in machine.prescribed]
+    return [more(name) for name in of for more in (rate_column, change_column)]
+
+
+@dataclass(frozen=True)
+class _HeldRows:
+    """A motion of n runs, (T, n, P), as a prescription follows it from row to row."""
+
+    at: Array
+    older: Array
+    """Its rates"""
+    faster: Array
+    """Its accelerations"""
+
+    @property
+    def speed(self) -> Array:
+        """Its rates where it begins."""
+        return self.older[0]
+
+
+@dataclass(frozen=True)
+class HeldMotion:
+    """n runs whose every joint follows a motion that is known, row by row, without simulation in between."""
+
+    driven: DrivenRuns
+    seen: Seen
+    acting: Acting | None
+
+    def moved(self) -> tuple[Array, Array]:
+        """What is seen of the runs in each row, (n, T, C), and their poses, (n, T, nq)."""
+        batch = side_by_side(self.driven.models, threads())
+        pose = batch.bind("qpos")
+        rows = [(shown, pose.copy()) for shown in self._rows(batch)]
+        found, poses = (np.stack(each, axis=1) for each in zip(*rows, strict=True))
+        return found, poses
+
+    def _rows(self, batch: mujoco.batch.Batch) -> Iterator[Array]:
+        known, seen, period = self.driven.known, self.seen, self.driven.period
+        assert known
+        assert known.change is not None
+        seen.bind(batch, self.driven.models)
+        for field in ("qpos", "qvel", "qacc", "ctrl", "time"):
+            batch.bind(field)
+        motion = _motion(known, period)
+        follows = Prescription(known.machine, batch, motion, seen.efforts)
+        laws = self.acting and StateLaws(batch, self.acting, period, half=False, prescribed=follows)
+        views = seen.views(batch) if laws and laws.seen else None
+        if laws:
+            laws.begin()
+        batch.reset(stage=_NOTHING)
+        clock = batch.bind("time")
+        for t in range(len(motion.at)):
+            clock[...] = t * period
+            follows.follow(t)
+            if laws:
+                batch.forward(stage=laws.stage)
+                laws.act() if t else laws.start()
+                follows.follow(t)
+            batch.forward(stage=seen.stage)
+            shown = seen.read(batch)
+            yield laws.misread(shown, views) if laws and views else shown
+
+
+def _motion(known: KnownMotion, period: Array) -> _HeldRows:
+    assert known.change is not None
+    row = period[:, None, None]
+    each = (known.at, known.rate / row, known.change / row**2)
+    return _HeldRows(*(np.ascontiguousarray(np.moveaxis(of, 1, 0)) for of in each))
