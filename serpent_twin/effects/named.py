@@ -140,7 +140,7 @@ class JointStiffening(Effect):
 
 @dataclass(frozen=True)
 class RotorInertia(Effect):
-    """Inertia n² J of a motor's rotor, J, behind a gear of ratio n, which every acceleration of a joint moves.
+    """Inertia n² J of a motor's rotor behind a gear of ratio n, which each acceleration of a joint moves.
 
     Models made from drawings often leave it out. At a ratio of 100, a rotor of 10 g cm² is as much as 1 kg
     at 0.1 m.

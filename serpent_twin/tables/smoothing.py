@@ -65,7 +65,8 @@ def smoothed(angle: Array, period: float, cutoffs: Sequence[float]) -> SmoothedM
     """
     found = [_one(of, period, hz) for of, hz in zip(angle.T, cutoffs, strict=True)]
     edge = round(_EDGE / (min(cutoffs) * period))
-    return SmoothedMotion(*(np.stack(each, axis=1) for each in zip(*found, strict=True)), edge)
+    angle, rate, change = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+    return SmoothedMotion(angle, rate, change, edge)
 
 
 def _one(angle: Array, period: float, hz: float) -> tuple[Array, Array, Array]:

@@ -38,9 +38,9 @@ measured = [
 """Motors' torques before the gear, by their currents [A] and torque constants [N m/A]"""
 
 
-def torques(q, v, a):
+def torques(q, v, a, masses=MASSES):
     """Torques of the joints [N m], (T, 2), of a motion: angles from hanging [rad], rates, accelerations."""
-    (m1, m2), (l1, l2) = MASSES, LENGTHS
+    (m1, m2), (l1, l2) = masses, LENGTHS
     c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
     coupled = m2 * l1 * l2
     far = m2 * l2**2

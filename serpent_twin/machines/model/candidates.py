@@ -15,7 +15,9 @@ from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.model.candidates_in_motion import (
     laws_of_state,
     rubbing_tendons,
+    saturated,
     stiffening_tendons,
+    weak,
 )
 from serpent_twin.machines.model.candidates_of_all import of_all
 from serpent_twin.machines.model.described import Described
@@ -24,14 +26,12 @@ from serpent_twin.machines.model.rubbing import rubbing
 from serpent_twin.machines.model.sizes import (
     Sizes,
     given,
-    of_joint,
     sized_candidate,
     sized_range,
     sizes,
 )
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.starts import LEAD
-from serpent_twin.machines.model.state_effects import state_driven
 from serpent_twin.machines.model.things import OBJECTS, acts_on, chain_ends, names, winding
 from serpent_twin.tables.log import Log
 
@@ -53,10 +53,6 @@ _RUBS_MOST = 10.0
 """Greatest friction of a joint, in multiples of the force that moves it in the model: the friction of a light
 carriage may be greater than the force that its motion takes without friction
 """
-_LIMITED = (1.0, 0.5, 0.25)
-"""Multiples of the reciprocal of the usual force, at which a force limit is scored: a limit far below the
-forces of the logs stalls the joint, and one above them does nothing
-"""
 _LATE = 1 / 3
 """Longest delay of a reading, as a share of a segment's lead"""
 _MOST_DOFS = 3
@@ -73,8 +69,8 @@ def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candida
     if machine.about.rows == MOTION:
         found += [candidate("command_delay")] * bool(machine.commanded)
         found += [*_late(machine, training), *rubbing_tendons(machine)]
-        found += _saturated(machine, training, of)
-        found += _weak(machine, of)
+        found += saturated(machine, training, of)
+        found += weak(machine, of)
         found += laws_of_state(machine, training, of)
         found += of_all(machine, [_placed(machine, each) for each in found])
         found += of_all(machine, found)
@@ -220,38 +216,6 @@ def _late(machine: Described, training: Sequence[Log]) -> Iterator[Candidate]:
         known = ranges(KNOWN["sensor_delay"])["delay"]
         delay = replace(known, high=longest, typical=min(known.typical, longest / 3))
         yield from (candidate(f"sensor_delay@{name}", delay=delay) for name in read)
-
-
-def _saturated(machine: Described, training: Sequence[Log], of: Sizes) -> Iterator[Candidate]:
-    """Saturation of each actuator that is told a force, and of each DC motor of a joint."""
-    model, motors = machine.model, state_driven(machine.model)
-    told = [
-        d for d in machine.commanded if d.actuator in motors or not machine.is_servo(d.actuator)
-    ]
-    for each in told:
-        n = model.actuator(each.actuator).id
-        if each.actuator in motors:
-            peak = float(of.force[model.jnt_dofadr[model.actuator_trnid[n, 0]]])
-        else:
-            per = abs(model.actuator_gainprm[n, 0] * model.actuator_gear[n, 0])
-            peak = per * max(float(np.abs(run.columns[each.column]).max()) for run in training)
-        if peak > 0:
-            yield sized_candidate(model, f"torque_saturation@{each.actuator}", rate=_RUBS / peak)
-
-
-def _weak(machine: Described, of: Sizes) -> Iterator[Candidate]:
-    """A limit of the force of each servo of a joint: what is told a force would be told its limit, too."""
-    model = machine.model
-    for each in machine.commanded:
-        n = model.actuator(each.actuator).id
-        servo = model.actuator_biasprm[n, 1:3].any() and model.actuator_gear[n, 0]
-        if servo and model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT:
-            joint = int(model.actuator_trnid[n, 0])
-            usual = float(of.force[model.jnt_dofadr[joint]]) / abs(model.actuator_gear[n, 0])
-            limit = of_joint(model, joint, sized_range("force_limit", "reciprocal", 1 / usual))
-            found = candidate(f"force_limit@{each.actuator}", reciprocal=limit)
-            several = tuple(by * found.variants[0] for by in _LIMITED)
-            yield replace(found, variants=several)
 
 
 def _bodies(machine: Described, of: Sizes) -> Iterator[Candidate]:

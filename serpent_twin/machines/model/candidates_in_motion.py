@@ -14,9 +14,10 @@ from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.seen import address
-from serpent_twin.machines.model.sizes import Sizes, given, sized_candidate, sized_range
+from serpent_twin.machines.model.sizes import Sizes, given, of_joint, sized_candidate, sized_range
 from serpent_twin.machines.model.springs import Springs, single_joints
 from serpent_twin.machines.model.starts import angle_of, measured_joints
+from serpent_twin.machines.model.state_effects import state_driven
 from serpent_twin.machines.model.state_laws import springs_at
 from serpent_twin.machines.model.state_moment import JOINT, TENDON
 from serpent_twin.machines.model.things import lengths, tendon_levers
@@ -31,6 +32,10 @@ _FADES, _SLIPS = 0.1, 0.1
 """Typical of a stiffness that is lost in a session; of a stretch that slips in one"""
 _GRIPS = (0.6, 0.35, 0.85)
 """Where fits of the tension above which a clamp slips start, of the greatest"""
+_LIMITED = (1.0, 0.5, 0.25)
+"""Multiples of the reciprocal of the usual force, at which a force limit is scored: a limit far below the
+forces of the logs stalls the joint, and one above them does nothing
+"""
 _CREEPS, _LATE = 0.2, 2.0
 """Time constants of creep, typical and longest, as multiples of a session's duration"""
 _WARMS, _WARM = 0.3, 0.5
@@ -202,3 +207,35 @@ def stiffening_tendons(machine: Described, of: Sizes) -> Iterator[Candidate]:
         rate = sized_range("cable_stiffening", "rate", _STIFFENS / stretch)
         unit = "1/rad" if "rad" in lengths(model, "tendon", name) else rate.unit
         yield candidate(f"cable_stiffening@{name}", rate=replace(rate, unit=unit), strand=ALIKE)
+
+
+def saturated(machine: Described, training: Sequence[Log], of: Sizes) -> Iterator[Candidate]:
+    """Saturation of each actuator that is told a force, and of each DC motor of a joint."""
+    model, motors = machine.model, state_driven(machine.model)
+    told = [
+        d for d in machine.commanded if d.actuator in motors or not machine.is_servo(d.actuator)
+    ]
+    for each in told:
+        n = model.actuator(each.actuator).id
+        if each.actuator in motors:
+            peak = float(of.force[model.jnt_dofadr[model.actuator_trnid[n, 0]]])
+        else:
+            per = abs(model.actuator_gainprm[n, 0] * model.actuator_gear[n, 0])
+            peak = per * max(float(np.abs(run.columns[each.column]).max()) for run in training)
+        if peak > 0:
+            yield sized_candidate(model, f"torque_saturation@{each.actuator}", rate=_RUBS / peak)
+
+
+def weak(machine: Described, of: Sizes) -> Iterator[Candidate]:
+    """A limit of the force of each servo of a joint: what is told a force would be told its limit, too."""
+    model = machine.model
+    for each in machine.commanded:
+        n = model.actuator(each.actuator).id
+        servo = model.actuator_biasprm[n, 1:3].any() and model.actuator_gear[n, 0]
+        if servo and model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT:
+            joint = int(model.actuator_trnid[n, 0])
+            usual = float(of.force[model.jnt_dofadr[joint]]) / abs(model.actuator_gear[n, 0])
+            limit = of_joint(model, joint, sized_range("force_limit", "reciprocal", 1 / usual))
+            found = candidate(f"force_limit@{each.actuator}", reciprocal=limit)
+            several = tuple(by * found.variants[0] for by in _LIMITED)
+            yield replace(found, variants=several)

@@ -51,7 +51,7 @@ class MachineOfColumns:
         described = self.described
         more: tuple[str, ...] = ()
         if described.about.held:
-            more = held_columns(described)
+            more = tuple(held_columns(described))
         elif described.about.moves:
             more = (*start_columns(described), *columns_between(described))
         return (*self.drives, *described.switches, *more)

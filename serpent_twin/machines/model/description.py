@@ -143,7 +143,9 @@ class MeasuredColumns(Form, frozen=True):
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation of a zero that calibration fits, in the unit; 0: known"""
     ratio: Annotated[float, within(0.0, 10.0)] = 0.0
-    """Standard deviation of the logarithm of a scale that calibration fits, as of a torque constant; 0: known"""
+    """Standard deviation of the logarithm of a scale that calibration fits, as of a torque constant; 0:
+    known
+    """
     of_stall: bool = False
     """Whether `scale` is a stall torque, and errors are in percent of it"""
 
@@ -266,6 +268,12 @@ class Description(Form, frozen=True):
     """Time steps of the simulation between two rows of a motion, at least 8, or one for each command where
     `every` is 4 or more, though they be longer than the model's; 0: set by the noise
     """
+
+    @property
+    def followed(self) -> list[tuple[str, str]]:
+        """Kind and name of what follows a column."""
+        measured = [each.of for each in self.measured if self.held and each.angle_of]
+        return [each.of for each in self.drive if not each.actuator] + measured
 
     @property
     def moves(self) -> bool:

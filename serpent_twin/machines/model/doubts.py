@@ -84,7 +84,7 @@ def require_unit(
 ) -> None:
     """Refuse a joint's column that lies far beyond the joint's range: degrees for radians."""
     kind, of = measured.of
-    if kind == "joint" and machine.model.joint(of).limited[0]:
+    if kind == "joint" and not measured.of_effort and machine.model.joint(of).limited[0]:
         limits = machine.model.joint(of).range
         require_within(path, name, values, limits, f"joint {of}", measured.unit)
 

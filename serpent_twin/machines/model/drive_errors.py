@@ -28,7 +28,9 @@ _HALF = 0.5
 def amiss_in_drives(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
     """Each thing that is wrong: its key, and why."""
     found = []
-    prescribed = [each.of for each in about.drive if not each.actuator]
+    if not about.drive:
+        found.append(("drive", "is missing, so that nothing would move. Add a [[drive]]."))
+    prescribed = about.followed
     unnamed = [n for n, name in enumerate(names(model, OBJECTS["actuator"])) if not name]
     if any(acts_on(model, n) not in prescribed for n in unnamed):
         told = "must name each actuator of the model, where one has no name: give it one."

@@ -9,7 +9,9 @@ from msgspec.structs import replace
 
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import Description, DriveColumn, MeasuredColumns
+from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.things import OBJECTS, acts_on, names
+from serpent_twin.numerals import listed
 from serpent_twin.tables.log import Log
 from serpent_twin.units import TO_SI
 
@@ -23,7 +25,51 @@ def as_held(about: Description, model: mujoco.MjModel) -> Description:
     """
     followed = tuple(_followed(each) for each in about.measured if each.angle_of)
     efforts = tuple(_effort(each, model) for each in about.measured if not each.angle_of)
-    return replace(about, drive=about.drive + followed, measured=efforts)
+    return replace(about, drive=followed, measured=efforts)
+
+
+def amiss_in_held(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
+    """Each thing that is wrong with a description of torques: its key, and why."""
+    found = list[tuple[str, str]]()
+    if about.drive:
+        found.append(
+            ("drive", "is of rows that are simulated. Measure every joint, and what drives it.")
+        )
+    moved = list[tuple[str, str]]()
+    for n, each in enumerate(about.measured):
+        kind, name = each.of
+        if kind not in ("joint", "actuator"):
+            told = (
+                "is not compared where rows are of torques: measure joints, and what drives them."
+            )
+            found.append((f"measured[{n}].{kind}", told))
+        elif not each.angle_of and name in names(model, OBJECTS[kind]):
+            of = each.of if kind == "joint" else acts_on(model, name)
+            if of in moved:
+                found.append(
+                    (f"measured[{n}].{kind}", f"drives {of[1]}, whose torque is measured already.")
+                )
+            elif of not in about.followed:
+                found.append(
+                    (f"measured[{n}].{kind}", f"drives {' '.join(of)}, whose angle no column has.")
+                )
+            moved.append(of)
+    if len(single_joints(model)) < model.njnt:
+        found.append(
+            ("rows", 'is "torque", and the model has joints that are no hinges or slides.')
+        )
+    joints = [model.joint(n).name for n in range(model.njnt)]
+    if lacking := [name for name in joints if ("joint", name) not in about.followed]:
+        told = f"lacks the angle of {listed(map(repr, lacking))}: torques follow from all joints."
+        found.append(("measured", told))
+    if not moved:
+        found.append(
+            (
+                "measured",
+                "has no torque, force or current of a joint's motor: nothing would be compared.",
+            )
+        )
+    return found
 
 
 def with_offsets(machine: Described, training: Sequence[Log]) -> Described:

@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import side_by_side
 from serpent_twin.machines.model.described import Described
-from serpent_twin.machines.model.known_motion import KnownMotion, change_column, rate_column
+from serpent_twin.machines.model.known_motion import change_column, rate_column
 from serpent_twin.machines.model.prescribed import Prescription
 from serpent_twin.machines.model.seen import Seen
 from serpent_twin.machines.model.starts import angle_of, rate_of
@@ -62,22 +62,6 @@ def held_columns(machine: Described) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _HeldRows:
-    """A motion of n runs, (T, n, P), as a prescription follows it from row to row."""
-
-    at: Array
-    older: Array
-    """Its rates"""
-    faster: Array
-    """Its accelerations"""
-
-    @property
-    def speed(self) -> Array:
-        """Its rates where it begins."""
-        return self.older[0]
-
-
-@dataclass(frozen=True)
 class HeldMotion:
     """n runs whose every joint follows a motion that is known, row by row, without simulation in between."""
 
@@ -100,28 +84,21 @@ class HeldMotion:
         seen.bind(batch, self.driven.models)
         for field in ("qpos", "qvel", "qacc", "ctrl", "time"):
             batch.bind(field)
-        motion = _motion(known, period)
-        follows = Prescription(known.machine, batch, motion, seen.efforts)
+        follows = Prescription(known.machine, batch, efforts=seen.efforts)
         laws = self.acting and StateLaws(batch, self.acting, period, half=False, prescribed=follows)
         views = seen.views(batch) if laws and laws.seen else None
         if laws:
             laws.begin()
         batch.reset(stage=_NOTHING)
-        clock = batch.bind("time")
-        for t in range(len(motion.at)):
+        clock, row = batch.bind("time"), period[:, None]
+        for t in range(self.driven.rows):
             clock[...] = t * period
-            follows.follow(t)
+            motion = known.at[:, t], known.rate[:, t] / row, known.change[:, t] / row**2
+            follows.put(*motion)
             if laws:
                 batch.forward(stage=laws.stage)
                 laws.act() if t else laws.start()
-                follows.follow(t)
+                follows.put(*motion)
             batch.forward(stage=seen.stage)
             shown = seen.read(batch)
             yield laws.misread(shown, views) if laws and views else shown
-
-
-def _motion(known: KnownMotion, period: Array) -> _HeldRows:
-    assert known.change is not None
-    row = period[:, None, None]
-    each = (known.at, known.rate / row, known.change / row**2)
-    return _HeldRows(*(np.ascontiguousarray(np.moveaxis(of, 1, 0)) for of in each))

@@ -1,6 +1,6 @@
 """Say what changes at a model's places do to the torques that its motion needs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -24,7 +24,7 @@ def places_of_torques(
     pieces: Segments,
     pose: Array,
 ) -> PlacesInRow:
-    """What changes show in the torques of a twin's model in poses (S, T, nq): each in its own row, exactly."""
+    """Responses of the torques of a twin's model in poses (S, T, nq): each in its own row, exactly."""
     rate = {
         each.joint: pieces.column[rate_column(each.column)] / pieces.period[:, None]
         for each in machine.prescribed
@@ -52,7 +52,7 @@ def places_of_torques(
 
 
 def _of_joints(
-    channel: dict[str, int], rate: dict[str, Array], shape: tuple[int, ...]
+    channel: Mapping[str, int], rate: Mapping[str, Array], shape: tuple[int, ...]
 ) -> Iterator[PlaceResponse]:
     """A torque on a joint, which its motor need not give, and friction, which it must overcome."""
     for name, c in channel.items():

@@ -47,7 +47,7 @@ class KnownMotion:
         each = (np.concatenate([getattr(one, n) for one in several]) for n in names)
         changes = [one.change for one in several if one.change is not None]
         change = np.concatenate(changes) if changes else None
-        return KnownMotion(several[0].machine, *each, change)
+        return replace(KnownMotion(several[0].machine, *each), change=change)
 
     def read_late(self, age: Array) -> "KnownMotion":
         """The motion as its rows show it so late [rows], (S,): so much of the lag in logs is dead time."""
@@ -167,6 +167,4 @@ def known_motion(
     lag = pieces.column[LAG][:, 0] if LAG in pieces.column else np.zeros(len(pieces))
     none = np.zeros(len(pieces))
     curved = np.stack(change, axis=-1) if change else None
-    return KnownMotion(
-        machine, np.stack(at, axis=-1), np.stack(rate, axis=-1), lag, none, curved
-    )
+    return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1), lag, none, curved)

@@ -1,4 +1,6 @@
-"""Change the masses of a spec."""
+"""Change the masses of a spec, and write down what its compiler makes."""
+
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -18,7 +20,7 @@ def weigh(body: mujoco.MjsBody, factor: float) -> None:
 
 
 def spread(body: mujoco.MjsBody, by: Array) -> None:
-    """Deform how a body's mass is spread by an affine map (3, 3) about its centre of mass, in the body's axes.
+    """Deform how a body's mass is spread by an affine map (3, 3) about its centre of mass, in its own axes.
 
     A body whose every grain of mass is moved is a possible body: its inertia stays physically consistent,
     as by log-Cholesky parameters. Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia,
@@ -37,6 +39,28 @@ def spread(body: mujoco.MjsBody, by: Array) -> None:
     body.iquat = quat
 
 
+def spread_along(axis: int) -> Callable[[mujoco.MjsBody, float], None]:
+    """Change of a body that spreads its mass by a factor along an axis of its frame."""
+
+    def change(body: mujoco.MjsBody, factor: float) -> None:
+        spread(body, np.diag(np.where(np.arange(3) == axis, factor, 1.0)))
+
+    return change
+
+
+def sheared(first: int, second: int) -> Callable[[mujoco.MjsBody, float], None]:
+    """Change of a body that shifts its mass along one axis of its frame in proportion to its place along
+    another.
+    """
+
+    def change(body: mujoco.MjsBody, by: float) -> None:
+        affine = np.eye(3)
+        affine[first, second] = by
+        spread(body, affine)
+
+    return change
+
+
 def settle_total_mass(spec: mujoco.MjSpec) -> None:
     """Write the masses that a model's `settotalmass` makes: else a mass that is added would take from all
     others.
@@ -48,3 +72,21 @@ def settle_total_mass(spec: mujoco.MjSpec) -> None:
     model = spec.compile()
     for body in spec.bodies:
         weigh(body, total / float(model.body_subtreemass[0]))
+
+
+def state_all(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Write into a spec what its compiler finds, so that it can be changed: how a body is turned and where it
+    has its centre of mass, and at which length a tendon rests.
+    """
+    for n, body in enumerate(spec.bodies):
+        body.quat, body.alt.type = model.body_quat[n], mujoco.mjtOrientation.mjORIENTATION_QUAT
+        if not body.explicitinertial and model.body_mass[n] > 0:
+            body.mass, body.ipos, body.iquat = (
+                model.body_mass[n],
+                model.body_ipos[n],
+                model.body_iquat[n],
+            )
+            body.inertia, body.explicitinertial = model.body_inertia[n], True
+    for n, tendon in enumerate(spec.tendons):
+        if model.tendon_stiffness[n] > 0:
+            tendon.springlength = model.tendon_lengthspring[n]

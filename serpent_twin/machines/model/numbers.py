@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -25,7 +26,7 @@ from serpent_twin.machines.model.actuator_numbers import (
     scale_resistance,
     volts_per_error,
 )
-from serpent_twin.machines.model.masses import spread, weigh
+from serpent_twin.machines.model.masses import sheared, spread_along, weigh
 from serpent_twin.machines.model.moment_arms import moment_arm, scale_moment_arm
 
 _SEVERAL = {
@@ -106,37 +107,6 @@ def _shifted(name: str, axis: int) -> NumberKind:
     )
 
 
-def _spread(axis: int) -> NumberKind:
-    """How far a body's mass is spread along an axis of its frame, as a ratio to the model's."""
-
-    def scale(body: Any, factor: float) -> None:
-        spread(body, np.diag(np.where(np.arange(3) == axis, factor, 1.0)))
-
-    return NumberKind("1", "body", _weighs, scale, 0.2, stated=True, fitted=False, held=True)
-
-
-def _sheared(first: int, second: int) -> NumberKind:
-    """By how much a body's mass is shifted along one axis of its frame in proportion to its place along
-    another.
-    """
-
-    def shear(body: Any, by: float) -> None:
-        change = np.eye(3)
-        change[first, second] = by
-        spread(body, change)
-
-    def none(model: mujoco.MjModel) -> np.ndarray:
-        return np.zeros(model.nbody)
-
-    return NumberKind(
-        "1", "body", none, shear, 0.2, added=True, stated=True, fitted=False, held=True
-    )
-
-
-def _weighs(model: mujoco.MjModel) -> np.ndarray:
-    return (model.body_mass > 0).astype(float)
-
-
 def _turned(name: str, compiled: str, prior: float) -> NumberKind:
     """An angle of a hinge, or a length of a slide, and its name in a compiled model."""
 
@@ -193,6 +163,17 @@ def _along(axis: int) -> NumberKind:
     return NumberKind("m", "body", lambda m: m.body_pos[:, axis], scale, 0.05, fitted=False)
 
 
+_INERTIA = partial(
+    NumberKind,
+    "1",
+    "body",
+    lambda model: (model.body_mass > 0).astype(float),
+    prior=0.2,
+    stated=True,
+    fitted=False,
+    held=True,
+)
+"""How a body's mass is spread: a ratio along an axis, or a shift along one in proportion to another"""
 NUMBERS: Mapping[str, NumberKind] = {
     "joint stiffness": NumberKind(
         "N m/rad", "joint", lambda m: m.jnt_stiffness, _attribute("stiffness")
@@ -268,8 +249,13 @@ NUMBERS: Mapping[str, NumberKind] = {
     "body z": _along(2),
     **{f"body angle {axis}": _angled(n) for n, axis in enumerate("xyz")},
     **{f"centre of mass {axis}": _shifted("ipos", n) for n, axis in enumerate("xyz")},
-    **{f"spread {axis}": _spread(n) for n, axis in enumerate("xyz")},
-    **{f"shear {'xyz'[n]}{'xyz'[k]}": _sheared(n, k) for n, k in ((0, 1), (0, 2), (1, 2))},
+    **{f"spread {axis}": _INERTIA(change=spread_along(n)) for n, axis in enumerate("xyz")},
+    **{
+        f"shear {axes}": _INERTIA(
+            change=sheared("xyz".index(axes[0]), "xyz".index(axes[1])), added=True
+        )
+        for axes in ("xy", "xz", "yz")
+    },
     **{f"site {axis}": _shifted("pos", n) for n, axis in enumerate("xyz")},
 }
 """Kinds of numbers by name"""
@@ -306,21 +292,3 @@ def change_number(spec: mujoco.MjSpec, number: str, which: int, by: float) -> No
 def change_compiled(model: mujoco.MjModel, number: str, which: int, factor: float) -> None:
     """Multiply a number of one thing of a compiled model by a factor, of a kind that no spec can change."""
     NUMBERS[number].change(model, which, factor)
-
-
-def state_all(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """Write into a spec what its compiler finds, so that it can be changed: how a body is turned and where it
-    has its centre of mass, and at which length a tendon rests.
-    """
-    for n, body in enumerate(spec.bodies):
-        body.quat, body.alt.type = model.body_quat[n], mujoco.mjtOrientation.mjORIENTATION_QUAT
-        if not body.explicitinertial and model.body_mass[n] > 0:
-            body.mass, body.ipos, body.iquat = (
-                model.body_mass[n],
-                model.body_ipos[n],
-                model.body_iquat[n],
-            )
-            body.inertia, body.explicitinertial = model.body_inertia[n], True
-    for n, tendon in enumerate(spec.tendons):
-        if model.tendon_stiffness[n] > 0:
-            tendon.springlength = model.tendon_lengthspring[n]

@@ -136,7 +136,8 @@ class Prescription:
         """Names of the joints"""
         self._length = [model.tendon(drives[n].tendon).id for n in self._tendons]
         pose, speed = addresses(model, names)
-        self._held = self._tendons if motion else [*range(len(drives))]
+        moves = machine.about.moves
+        self._held = self._tendons if moves else [*range(len(drives))]
         self._which = [model.equality(_constraint(drives[n].of)).id for n in self._held]
         self._zero = np.array([_zero(model, *drives[n].of) for n in self._held])
         if self._held:
@@ -144,7 +145,7 @@ class Prescription:
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._force, _ = batch.bind("qfrc_applied"), batch.bind("ten_length")
         self._pose, self._speed = (in_a_row(each) if len(each) else each for each in (pose, speed))
-        own = np.array([model.joint(name).user[2] for name in names]) if motion else 0.0
+        own = np.array([model.joint(name).user[2] for name in names]) if moves else 0.0
         self._inertia = model.dof_armature[speed] - own
         self.shift = np.zeros((len(self._qpos), len(names)))
         """Offset of the joints from the motion, where effects part them from what drives them [rad or m]"""
@@ -190,11 +191,15 @@ class Prescription:
         """Let time step `n` end where the motion does."""
         assert self._motion
         if self._joints:
-            self._push(self._motion.faster[n])
-            self._qpos[:, self._pose] = self._motion.at[n][:, self._joints] + self.shift
-            self._qvel[:, self._speed] = self._motion.older[n][:, self._joints]
+            self.put(self._motion.at[n], self._motion.older[n], self._motion.faster[n])
         if self._tendons:
             self.hold(self._motion.held(n))
+
+    def put(self, at: Array, rate: Array, faster: Array) -> None:
+        """Set joints to angles, rates and accelerations, (n, P) each."""
+        self._push(faster)
+        self._qpos[:, self._pose] = at[:, self._joints] + self.shift
+        self._qvel[:, self._speed] = rate[:, self._joints]
 
     def seen(self, n: int) -> None:
         """Let forces be those before step `n`: a velocity that is taken up then is not there yet."""

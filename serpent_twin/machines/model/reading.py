@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
+from itertools import compress
 from pathlib import Path
 
 import mujoco
@@ -21,11 +22,11 @@ from serpent_twin.machines.model.description import (
 )
 from serpent_twin.machines.model.drive_errors import amiss_in_drives
 from serpent_twin.machines.model.files import files
-from serpent_twin.machines.model.held import as_held
+from serpent_twin.machines.model.held import amiss_in_held, as_held
 from serpent_twin.machines.model.known import amiss_known
 from serpent_twin.machines.model.lines import with_line
-from serpent_twin.machines.model.masses import settle_total_mass
-from serpent_twin.machines.model.numbers import NUMBERS, numbers_of, state_all
+from serpent_twin.machines.model.masses import settle_total_mass, state_all
+from serpent_twin.machines.model.numbers import NUMBERS, numbers_of
 from serpent_twin.machines.model.things import (
     OBJECTS,
     acts_on,
@@ -69,19 +70,20 @@ def read(path: Path, model_file: Path | None = None) -> Described:
             f"{file} is no model that MuJoCo builds: {' '.join(str(error).split()).rstrip('.')}. Mend the "
             "MJCF."
         ) from None
-    about = as_held(about, model) if about.held else about
     problem = next(iter(_amiss(about, model)), None)
     if problem:
         key, text = problem
         raise SerpentError(with_line(f"{path}: {key} {text} {ADVICE}", raw))
+    about = as_held(about, model) if about.held else about
     _delete_superseded(spec, about, model)
     return Described(path, pose_first(about), spec, spec.compile(), several)
 
 
 def _delete_superseded(spec: mujoco.MjSpec, about: Description, model: mujoco.MjModel) -> None:
-    """Delete actuators of what follows a prescribed motion, and their sensors."""
-    prescribed = [each.of for each in about.drive if not each.actuator]
-    actuators = [a for n, a in enumerate(spec.actuators) if acts_on(model, n) in prescribed]
+    """Delete actuators of what follows its column, all where rows are of torques, and their sensors."""
+    followed = about.followed
+    superseded = [about.held or acts_on(model, n) in followed for n in range(model.nu)]
+    actuators = list(compress(spec.actuators, superseded))
     names = [each.name for each in actuators]
     sensors = [
         each
@@ -97,7 +99,7 @@ def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
     found = []
     if about.keyframe and about.keyframe not in names(model, mujoco.mjtObj.mjOBJ_KEY):
         found.append(("keyframe", unknown(about.keyframe, model, mujoco.mjtObj.mjOBJ_KEY)))
-    found += amiss_in_drives(about, model)
+    found += (amiss_in_held if about.held else amiss_in_drives)(about, model)
     found += _twice(about)
     for n, each in enumerate(about.measured):
         found += [
@@ -161,15 +163,16 @@ def _twice(about: Description) -> Iterator[tuple[str, str]]:
                 yield f"known[{n}].columns", f"has {name!r}, which is {use[name]} already."
     use |= {name: "a known number" for each in about.known for name in each.columns}
     use |= {drive.enable: "a switch" for drive in about.drive if drive.enable}
-    there = set[tuple[str, str]]()
+    there = set[tuple[str, str, bool]]()
     for n, each in enumerate(about.measured):
         for name in each.columns:
             if name in use:
                 yield f"measured[{n}].columns", f"has {name!r}, which is {use[name]} already."
             use[name] = f"measured of {each.of[1]}"
-        if each.of in there:
+        which = *each.of, about.held and each.of_effort
+        if which in there:
             yield f"measured[{n}].{each.of[0]}", f"is {each.of[1]!r}, which is measured already."
-        there.add(each.of)
+        there.add(which)
         if each.scale == 0:
             yield f"measured[{n}].scale", "is 0, so that nothing would be measured."
         if each.of_stall and TO_SI[each.unit][1] != "N m":
@@ -184,7 +187,8 @@ def _amiss_measured(
 ) -> Iterator[tuple[str, str]]:
     """What is wrong with a measured thing: its key, and why."""
     kind, name = each.of
-    prescribed = [drive.of for drive in about.drive if not drive.actuator]
+    follows = about.held and each.angle_of
+    prescribed = [] if follows else about.followed
     if not kind:
         yield "", "must name exactly one of " + ", ".join(KINDS) + "."
     elif name not in names(model, OBJECTS[kind]):
@@ -195,7 +199,11 @@ def _amiss_measured(
             f"is {name!r}, whose motion a drive prescribes. Measure what responds to it, or the force or "
             "torque that drives a joint.",
         )
-    elif (actuator := _actuator(model, kind, name)) and acts_on(model, actuator) in prescribed:
+    elif (
+        not about.held
+        and (actuator := _actuator(model, kind, name))
+        and acts_on(model, actuator) in prescribed
+    ):
         moved = " ".join(acts_on(model, actuator))
         yield (
             kind,

@@ -1,0 +1,158 @@
+"""Test rows of torque beside equations of motion that know nothing of MuJoCo."""
+
+import held_models
+import mujoco
+import numpy as np
+import pytest
+from example import assert_named_alone, opened
+from held_models import EXAMPLE, TOML, motion, torques
+
+from serpent_twin.effects import ranges
+from serpent_twin.effects.discovered import Discovered
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.masses import state_all
+from serpent_twin.machines.model.numbers import change_number
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """The arm with exact readings: its case, pieces and nominal parameters."""
+    folder = tmp_path_factory.mktemp("arm")
+    log = held_models.log(folder / "log.csv", 0, step=0.0, noise=0.0)
+    return opened(EXAMPLE.write(folder), log)
+
+
+def shown(arm, name="", *values):
+    """Torques that a twin needs [N m], (S, T, 2)."""
+    case, pieces, at = arm
+    point = at.having(name, np.array(values)) if name else at
+    return case.machine.respond([point], pieces)[0]
+
+
+def test_torques_are_those_of_the_equations_of_motion(arm):
+    """Rates and accelerations are by differences over rows: 3e-4 of the torque."""
+    off = arm[1].measured - shown(arm)
+    assert np.nanmax(np.abs(off)) < 1e-3 < 1e-3 * np.nanmax(np.abs(arm[1].measured))
+
+
+def rows_of(arm, column):
+    """Angle, rate or acceleration of both joints in the rows of the pieces, (S, T, 2)."""
+    pieces = arm[1]
+    at = np.rint(pieces.time / held_models.PERIOD).astype(int)
+    return motion(0)[column][at]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "needs"),
+    [
+        ("joint_elasticity@shoulder", (1.5,), lambda q, v, a: np.stack([1.5 * q[..., 0], 0 * q[..., 0]], -1)),
+        ("rotor_inertia@elbow", (0.02,), lambda q, v, a: np.stack([0 * a[..., 1], 0.02 * a[..., 1]], -1)),
+        ("hinge_friction@elbow", (0.0, 0.1), lambda q, v, a: np.stack([0 * v[..., 1], 0.1 * v[..., 1]], -1)),
+    ],
+)  # fmt: skip
+def test_an_effect_needs_the_torque_that_it_says(arm, name, values, needs):
+    found = shown(arm, name, *values) - shown(arm)
+    true = needs(*(rows_of(arm, n) for n in range(3)))
+    assert np.abs(true).max() > 0.05
+    known = np.isfinite(arm[1].measured)
+    np.testing.assert_allclose(found[known], true[known], atol=2e-3 * np.abs(true).max())
+
+
+@pytest.mark.parametrize(
+    "handle", ["joint_torque", "joint_friction", "force", "force_in_body", "spring"]
+)
+def test_what_a_change_shows_at_a_place_is_what_a_twin_with_it_does(arm, handle):
+    case, pieces, at = arm
+    places = case.places(at, pieces)
+    of = next(each for each in places.responses if each.handle == handle)
+    size = np.array([0.1, -0.2, 0.3, 0.5])[: len(of.change)]
+    values = np.zeros(len(ranges(Discovered)))
+    values[: len(size)] = size
+    found = shown(arm, f"discovered@{of.handle} of {of.place}: constant", *values) - shown(arm)
+    change = np.tensordot(size, of.change, 1)
+    np.testing.assert_allclose(found, change, atol=1e-9 + 1e-6 * np.abs(change).max())
+
+
+def test_mass_that_is_spread_otherwise_is_a_body_that_may_exist():
+    """The second moments of a body that is deformed are those of its grains."""
+    box = "<body name='a'><joint/><geom type='box' size='.1 .2 .3' pos='.1 0 .2' euler='10 20 30'/></body>"
+    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{box}</worldbody></mujoco>")
+    before = spec.compile()
+    state_all(spec, before)
+    change_number(spec, "spread x", 1, 1.3)
+    change_number(spec, "shear xy", 1, 0.2)
+    after = spec.compile()
+    affine = np.array([[1.3, 0.2, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(
+        second(after), affine @ second(before) @ affine.T, rtol=1e-12, atol=1e-9
+    )
+    np.testing.assert_array_equal(after.body_ipos, before.body_ipos)
+
+
+def second(model):
+    """Second moments of the mass of the first body about its centre of mass, (3, 3)."""
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[1])
+    inertia, axes = model.body_inertia[1], turn.reshape(3, 3)
+    return axes @ np.diag(inertia.sum() / 2 - inertia) @ axes.T
+
+
+def test_a_scale_of_a_torque_is_fitted_where_one_is_asked_for(tmp_path, arm):
+    (tmp_path / "machine").mkdir()
+    path = EXAMPLE.write(tmp_path / "machine")
+    path.write_text(TOML.replace("scale = 0.05 }", "scale = 0.05, ratio = 0.1 }"))
+    case, pieces, at = opened(path, held_models.log(tmp_path / "log.csv", 0, step=0.0, noise=0.0))
+    n = [each.name for each in case.declared].index("scale of i1")
+    moved = at.after(0.1 * (np.arange(len(case.declared)) == n))
+    found = case.machine.respond([moved], pieces)[0] / case.machine.respond([at], pieces)[0]
+    np.testing.assert_allclose(found[..., 0], np.exp(-0.1), rtol=1e-9)
+    np.testing.assert_allclose(found[..., 1], 1.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "says"),
+    [
+        ('    { joint = "elbow", columns = ["q2"], unit = "deg" },\n', "", "whose angle no column has"),
+        ('{ actuator = "at_elbow", columns', '{ joint = "shoulder", columns', "measured already"),
+        ('{ actuator = "at_elbow", columns = ["i2"], unit = "N m", scale = 0.04 }',
+         '{ sensor = "gyro", columns = ["i2"], unit = "rad/s" }', "not compared"),
+        ('rows = "torque"', 'rows = "motion"', "drive is missing"),
+        ("measured = [", 'drive = [{ joint = "elbow", column = "q2" }]\nmeasured = [', "Measure every joint"),
+    ],
+)  # fmt: skip
+def test_a_wrong_description_is_refused(tmp_path, before, after, says):
+    path = EXAMPLE.write(tmp_path)
+    assert before in TOML
+    path.write_text(TOML.replace(before, after))
+    with pytest.raises(SerpentError, match=says):
+        open_machine(path)
+
+
+def friction(q, v, a):
+    """Torque against friction of the elbow [N m], (T, 2)."""
+    return np.c_[0 * v[:, 0], 0.1 * np.sign(v[:, 1]) + 0.02 * v[:, 1]]
+
+
+def heavier(q, v, a):
+    """Torque for 0.2 kg more at the tip [N m], (T, 2)."""
+    return torques(q, v, a, masses=(1.2, 1.0)) - torques(q, v, a)
+
+
+@pytest.mark.slow
+def test_friction_is_named_with_its_size(tmp_path):
+    found = EXAMPLE.traced(tmp_path, 3, more=friction)
+    assert_named_alone(found, "hinge_friction@elbow", "coulomb", 0.1)
+
+
+@pytest.mark.slow
+def test_a_clean_arm_lacks_nothing(tmp_path):
+    found = EXAMPLE.traced(tmp_path, 3)
+    assert found["effects"] == [] and found["moved"] == [] and not found["unexplained"]["is"]
+
+
+@pytest.mark.slow
+def test_a_heavier_tip_is_a_mass_that_is_not_as_built(tmp_path):
+    found = EXAMPLE.traced(tmp_path, 3, more=heavier)
+    assert found["effects"] == [] and not found["unexplained"]["is"]
+    assert "mass of lower" in str(found["moved"])
