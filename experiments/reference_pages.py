@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -216,17 +217,20 @@ def _number_rows() -> Iterator[str]:
     rows = {name: _number_row("{}", kind) for name, kind in NUMBERS.items()}
     alike: dict[tuple[str, str], list[str]] = {}
     for name, row in rows.items():
-        of = name[:-2] if name[-2:] in (" x", " y", " z") else name
+        of = re.sub(r" [xyz]{1,2}$", "", name)
         alike.setdefault((of, row), []).append(name)
     for (_, row), names in alike.items():
-        axes = "".join(f", `{name[-1]}`" for name in names[1:])
+        axes = "".join(f", `{name.split()[-1]}`" for name in names[1:])
         yield row.replace("`{}`", f"`{names[0]}`{axes}")
 
 
 def _number_row(name: str, kind: NumberKind) -> str:
     prior = f"{kind.prior:g} {kind.unit}" if kind.added else f"{kind.prior:g}"
     added = ", added" if kind.added else ""
-    fitted = ("yes" if kind.at_rest else "in motion") if kind.fitted and not kind.added else "no"
+    otherwise = "torque" if kind.held else "no"
+    fitted = (
+        ("yes" if kind.at_rest else "in motion") if kind.fitted and not kind.added else otherwise
+    )
     return f"| `{name}` | {kind.of} | {kind.unit}{added} | {fitted} | {prior} |"
 
 

@@ -87,8 +87,8 @@ def first_picture(comparison: Comparison) -> Figure:
     )
     drawing.align_ylabels(list(panels))
     caption = (
-        f"Session {session}, in which they differ most, before anything is fitted. The nominal model starts "
-        "anew, from what was measured, at the beginning of each segment."
+        f"Session {session}, in which they differ most, before anything is fitted. The nominal model is "
+        "given the inputs below; where it is simulated, each segment begins with what was measured there."
     )
     return Figure(NAME, drawing, caption)
 

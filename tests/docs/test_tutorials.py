@@ -19,6 +19,10 @@ LACKS = {
         {"hinge_friction@elbow": ("coulomb", 0.15), "command_delay": ("delay", 0.02)},
     ),
     "prescribed-motion": ("crane", {"hinge_friction@hook": ("coulomb", 0.02)}),
+    "torques": (
+        "lift",
+        {"hinge_friction@elbow": ("coulomb", 0.15), "rotor_inertia@elbow": ("inertia", 0.02)},
+    ),
     "poses": ("reach", {"payload@tip": ("mass", 0.15)}),
 }
 """Name of each tutorial's machine, and the effects that a trace finds, with a parameter and its true value"""

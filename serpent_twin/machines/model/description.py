@@ -82,18 +82,17 @@ class DriveColumn(Column, frozen=True):
     actuator: str = ""
     """Actuator whose `ctrl` the column is, before the gear"""
     joint: str = ""
-    """Joint whose motion the column prescribes: the model follows it, whatever force that takes"""
+    """Joint whose motion the column prescribes, whatever force that takes"""
     tendon: str = ""
-    """Tendon whose length the column prescribes"""
+    """Tendon whose length it prescribes"""
     offset: Number | Literal["keyframe"] = 0.0
     """SI value where the column is 0, or "keyframe" for the value in the keyframe"""
     velocity: str = ""
-    """Column of the velocity of a prescribed motion, in the unit per second, where velocities are commanded
-    once a row: between rows the motion takes up the velocity that ends at the next row, with a lag that the
-    logs show; without it, a motion is a spline through its rows
+    """Column of the velocity, in the unit per second, of a prescribed motion whose velocities are commanded
+    once a row and reached with a lag that the logs show; without it, a motion is a spline through its rows
     """
     exact: bool = False
-    """Whether zero and scale are known and not fitted, as where a servo's own encoder is measured"""
+    """Whether zero and scale are known, as where a servo's own encoder is measured"""
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation of the zero that calibration fits, in the unit; 0: a hundredth of the range"""
     ratio: Annotated[float, within(0.0, 10.0)] = 0.0
@@ -143,9 +142,7 @@ class MeasuredColumns(Form, frozen=True):
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation of a zero that calibration fits, in the unit; 0: known"""
     ratio: Annotated[float, within(0.0, 10.0)] = 0.0
-    """Standard deviation of the logarithm of a scale that calibration fits, as of a torque constant; 0:
-    known
-    """
+    """Standard deviation of the logarithm of a fitted scale, as of a torque constant; 0: known"""
     of_stall: bool = False
     """Whether `scale` is a stall torque, and errors are in percent of it"""
 
@@ -190,7 +187,7 @@ class Uncertain(Form, frozen=True):
     """Kind of number, one of the table below"""
     of: Annotated[tuple[Name, ...], many(0, 1000)]
     """Names of joints, tendons, actuators, bodies or sites, with wildcards; those that match one text share
-    what is fitted; an empty list: no number of this kind is fitted
+    what is fitted; an empty list: none is fitted
     """
     prior: Annotated[float, above(0.0, 1000.0)] | None = None
     """Standard deviation of the logarithm of the ratio to the model's number; of numbers that are added, in
@@ -198,7 +195,7 @@ class Uncertain(Form, frozen=True):
     """
     each: Annotated[float, above(0.0, 1000.0)] | None = None
     """Standard deviation by which each of those that match differs from what they share, in the same terms;
-    by default they do not differ
+    by default 0
     """
     most: Annotated[float, above(0.0, 1000.0)] | None = None
     """Bound of what they share, in the terms of `prior`"""
@@ -227,8 +224,8 @@ class Description(Form, frozen=True):
     model: Name
     """MJCF or URDF file, relative to the folder of this file"""
     rows: Literal["poses", "motion", "torque"]
-    """Whether a log's rows are poses at rest, for each of which the model settles, instants of a motion, or
-    instants at which every joint and the torques that move it are measured
+    """Whether rows are poses at rest, for each of which the model settles, instants of a motion, or instants
+    with all joints and torques
     """
     measured: Annotated[tuple[MeasuredColumns, ...], many(1, 1000)]
     """Columns that the model is compared with; the quantity of the first one is the pose"""
@@ -261,12 +258,12 @@ class Description(Form, frozen=True):
     of some before it. 0: the model follows the 15 rows before the segment
     """
     lead: Annotated[float, within(0.0, 1e3)] = 0.0
-    """Time [s] before each segment through which the model moves there from rest in its keyframe, for a
-    machine that has forgotten by then how it was; 0: segments begin as the log says
+    """Time [s] through which the model moves to each segment from rest in its keyframe, for a machine that
+    forgets how it was; 0: segments begin as the log says
     """
     steps: Annotated[int, within(0, 1000)] = 0
-    """Time steps of the simulation between two rows of a motion, at least 8, or one for each command where
-    `every` is 4 or more, though they be longer than the model's; 0: set by the noise
+    """Time steps between two rows of a motion, at least 8, or one for each command where `every` is 4 or
+    more; 0: set by the noise
     """
 
     @property
