@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
-from itertools import compress
 from pathlib import Path
 
 import mujoco
@@ -82,8 +81,9 @@ def read(path: Path, model_file: Path | None = None) -> Described:
 def _delete_superseded(spec: mujoco.MjSpec, about: Description, model: mujoco.MjModel) -> None:
     """Delete actuators of what follows its column, all where rows are of torques, and their sensors."""
     followed = about.followed
-    superseded = [about.held or acts_on(model, n) in followed for n in range(model.nu)]
-    actuators = list(compress(spec.actuators, superseded))
+    actuators = [
+        each for n, each in enumerate(spec.actuators) if about.held or acts_on(model, n) in followed
+    ]
     names = [each.name for each in actuators]
     sensors = [
         each
