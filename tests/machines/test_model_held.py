@@ -116,9 +116,10 @@ def test_a_scale_of_a_torque_is_fitted_where_one_is_asked_for(tmp_path, arm):
         ('    { joint = "elbow", columns = ["q2"], unit = "deg" },\n', "", "whose angle no column has"),
         ('{ actuator = "at_elbow", columns', '{ joint = "shoulder", columns', "measured already"),
         ('{ actuator = "at_elbow", columns = ["i2"], unit = "N m", scale = 0.04 }',
-         '{ sensor = "gyro", columns = ["i2"], unit = "rad/s" }', "not compared"),
+         '{ sensor = "gyro", columns = ["i2"], unit = "rad/s" }', "gyro"),
         ('rows = "torque"', 'rows = "motion"', "drive is missing"),
-        ("measured = [", 'drive = [{ joint = "elbow", column = "q2" }]\nmeasured = [', "Measure every joint"),
+        ('{ joint = "elbow", columns = ["q2"]', '{ columns = ["q2"]', "must name exactly one"),
+        ("measured = [", 'drive = [{ joint = "elbow", column = "goal" }]\nmeasured = [', "Measure every joint"),
     ],
 )  # fmt: skip
 def test_a_wrong_description_is_refused(tmp_path, before, after, says):

@@ -99,13 +99,14 @@ def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
     found = []
     if about.keyframe and about.keyframe not in names(model, mujoco.mjtObj.mjOBJ_KEY):
         found.append(("keyframe", unknown(about.keyframe, model, mujoco.mjtObj.mjOBJ_KEY)))
-    found += (amiss_in_held if about.held else amiss_in_drives)(about, model)
+    found += [] if about.held else amiss_in_drives(about, model)
     found += _twice(about)
     for n, each in enumerate(about.measured):
         found += [
             (f"measured[{n}].{key}".rstrip("."), why)
             for key, why in _amiss_measured(each, about, model)
         ]
+    found += amiss_in_held(about, model) if about.held else []
     if about.moves and not about.time:
         found.append(("rows", f'is "{about.rows}", and no time column is named: add [time].'))
     if about.lead and about.rows != MOTION:
