@@ -119,7 +119,7 @@ def test_a_scale_of_a_torque_is_fitted_where_one_is_asked_for(tmp_path, arm):
          '{ sensor = "gyro", columns = ["i2"], unit = "rad/s" }', "gyro"),
         ('rows = "torque"', 'rows = "motion"', "drive is missing"),
         ('{ joint = "elbow", columns = ["q2"]', '{ columns = ["q2"]', "must name exactly one"),
-        ("measured = [", 'drive = [{ joint = "elbow", column = "goal" }]\nmeasured = [', "Measure every joint"),
+        ("measured = [", 'drive = [{ joint = "elbow", column = "goal" }]\nmeasured = [', "Measure every"),
     ],
 )  # fmt: skip
 def test_a_wrong_description_is_refused(tmp_path, before, after, says):
