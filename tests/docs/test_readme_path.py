@@ -38,6 +38,7 @@ NOT_RUN = {
     "python swing.py": "test_tutorials.py",
     "python crane.py": "test_tutorials.py",
     "python reach.py": "test_tutorials.py",
+    "python lift.py": "test_tutorials.py",
     "python -m serpent_twin.diagnose": "minutes; it is init and trace, which test_tutorials.py types",
     "python -m serpent_twin.init": "needs a machine; test_tutorials.py",
     "python -m serpent_twin.plan": "needs a finished trace; tests/recording/test_plan.py",

@@ -9,6 +9,7 @@ from measured_logs import write_log
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.masses import state_all
 from serpent_twin.machines.model.numbers import (
     NUMBERS,
     change_compiled,
@@ -78,6 +79,8 @@ PER_ERROR, PER_SPEED = (
 )
 def test_one_number_is_scaled_and_all_others_stay(number):
     spec = mujoco.MjSpec.from_string(MJCF)
+    if NUMBERS[number].stated:
+        state_all(spec, spec.compile())
     before = {name: numbers_of(spec.compile(), name).copy() for name in NUMBERS}
     which = int(np.flatnonzero(before[number])[-1])
     change_number(spec, number, which, 1.7)

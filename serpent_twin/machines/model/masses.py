@@ -26,17 +26,34 @@ def spread(body: mujoco.MjsBody, by: Array) -> None:
     as by log-Cholesky parameters. Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia,
     IEEE Robotics and Automation Letters 7, 2022.
     """
-    turn = np.empty(9)
-    mujoco.mju_quat2Mat(turn, np.asarray(body.iquat))
-    axes, inertia = turn.reshape(3, 3), np.asarray(body.inertia)
-    second = np.diag(inertia.sum() / 2 - inertia)
-    second = by @ axes @ second @ axes.T @ by.T
+    second = by @ _second_moments(np.asarray(body.inertia), np.asarray(body.iquat)) @ by.T
     whole = np.trace(second) * np.eye(3) - second
     body.inertia, principal = np.linalg.eigh(whole)
     principal[:, 0] *= np.sign(np.linalg.det(principal))
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, principal.ravel())
     body.iquat = quat
+
+
+def _second_moments(inertia: Array, quat: Array) -> Array:
+    """Second moments of mass about its centre in a body's axes [kg m²], (3, 3), by its principal inertia."""
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, quat)
+    axes = turn.reshape(3, 3)
+    return axes @ np.diag(inertia.sum() / 2 - inertia) @ axes.T
+
+
+def spread_of(axis: int) -> Callable[[mujoco.MjModel], Array]:
+    """Standard deviation of the places of each body's mass along an axis of its frame [m]; 0 without mass."""
+
+    def read(model: mujoco.MjModel) -> Array:
+        out = np.zeros(model.nbody)
+        for n in np.flatnonzero(model.body_mass > 0):
+            second = _second_moments(model.body_inertia[n], model.body_iquat[n])
+            out[n] = np.sqrt(max(second[axis, axis], 0.0) / model.body_mass[n])
+        return out
+
+    return read
 
 
 def spread_along(axis: int) -> Callable[[mujoco.MjsBody, float], None]:

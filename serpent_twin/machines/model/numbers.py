@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import mujoco
@@ -26,7 +25,7 @@ from serpent_twin.machines.model.actuator_numbers import (
     scale_resistance,
     volts_per_error,
 )
-from serpent_twin.machines.model.masses import sheared, spread_along, weigh
+from serpent_twin.machines.model.masses import sheared, spread_along, spread_of, weigh
 from serpent_twin.machines.model.moment_arms import moment_arm, scale_moment_arm
 
 _SEVERAL = {
@@ -163,17 +162,8 @@ def _along(axis: int) -> NumberKind:
     return NumberKind("m", "body", lambda m: m.body_pos[:, axis], scale, 0.05, fitted=False)
 
 
-_INERTIA = partial(
-    NumberKind,
-    "1",
-    "body",
-    lambda model: (model.body_mass > 0).astype(float),
-    prior=0.2,
-    stated=True,
-    fitted=False,
-    held=True,
-)
-"""How a body's mass is spread: a ratio along an axis, or a shift along one in proportion to another"""
+_SHAPE = {"of": "body", "prior": 0.2, "stated": True, "fitted": False, "held": True}
+"""How a body's mass is spread: along an axis, or shifted along one in proportion to another"""
 NUMBERS: Mapping[str, NumberKind] = {
     "joint stiffness": NumberKind(
         "N m/rad", "joint", lambda m: m.jnt_stiffness, _attribute("stiffness")
@@ -249,10 +239,17 @@ NUMBERS: Mapping[str, NumberKind] = {
     "body z": _along(2),
     **{f"body angle {axis}": _angled(n) for n, axis in enumerate("xyz")},
     **{f"centre of mass {axis}": _shifted("ipos", n) for n, axis in enumerate("xyz")},
-    **{f"spread {axis}": _INERTIA(change=spread_along(n)) for n, axis in enumerate("xyz")},
     **{
-        f"shear {axes}": _INERTIA(
-            change=sheared("xyz".index(axes[0]), "xyz".index(axes[1])), added=True
+        f"spread {axis}": NumberKind("m", read=spread_of(n), change=spread_along(n), **_SHAPE)
+        for n, axis in enumerate("xyz")
+    },
+    **{
+        f"shear {axes}": NumberKind(
+            "1",
+            read=lambda model: np.zeros(model.nbody),
+            change=sheared("xyz".index(axes[0]), "xyz".index(axes[1])),
+            added=True,
+            **_SHAPE,
         )
         for axes in ("xy", "xz", "yz")
     },
