@@ -153,7 +153,8 @@ def test_a_clean_arm_lacks_nothing(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_heavier_tip_is_a_mass_that_is_not_as_built(tmp_path):
+def test_a_heavier_tip_is_a_mass_that_is_fitted(tmp_path):
     found = EXAMPLE.traced(tmp_path, 3, more=heavier)
     assert found["effects"] == [] and not found["unexplained"]["is"]
-    assert "mass of lower" in str(found["moved"])
+    mass = found["calibration"]["mass of lower"]
+    assert mass["low_kg"] <= 1.0 <= mass["high_kg"] < 1.01
