@@ -210,7 +210,7 @@ def stiffening_tendons(machine: Described, of: Sizes) -> Iterator[Candidate]:
 
 
 def saturated(machine: Described, training: Sequence[Log], of: Sizes) -> Iterator[Candidate]:
-    """Saturation of each actuator that is told a force, and of each DC motor of a joint."""
+    """Saturation of each actuator that is commanded a force, and of each DC motor of a joint."""
     model, motors = machine.model, state_driven(machine.model)
     told = [
         d for d in machine.commanded if d.actuator in motors or not machine.is_servo(d.actuator)
@@ -227,7 +227,7 @@ def saturated(machine: Described, training: Sequence[Log], of: Sizes) -> Iterato
 
 
 def weak(machine: Described, of: Sizes) -> Iterator[Candidate]:
-    """A limit of the force of each servo of a joint: what is told a force would be told its limit, too."""
+    """Force limit of each servo of a joint; commands of a force would have the limit in them."""
     model = machine.model
     for each in machine.commanded:
         n = model.actuator(each.actuator).id

@@ -47,26 +47,35 @@ def amiss_in_held(about: Description, model: mujoco.MjModel) -> list[tuple[str, 
             of = each.of if kind == "joint" else acts_on(model, name)
             if of in moved:
                 found.append(
-                    (f"measured[{n}].{kind}", f"drives {of[1]}, whose torque is measured already.")
+                    (
+                        f"measured[{n}].{kind}",
+                        f"drives {of[1]}, whose torque is measured already. Leave one out.",
+                    )
                 )
             elif of not in about.followed:
                 found.append(
-                    (f"measured[{n}].{kind}", f"drives {' '.join(of)}, whose angle no column has.")
+                    (
+                        f"measured[{n}].{kind}",
+                        f"drives {' '.join(of)}, whose angle no column has. Measure it.",
+                    )
                 )
             moved.append(of)
     if len(single_joints(model)) < model.njnt:
         found.append(
-            ("rows", 'is "torque", and the model has joints that are no hinges or slides.')
+            (
+                "rows",
+                'is "torque", and the model has joints that are no hinges or slides: use "motion".',
+            )
         )
     joints = [model.joint(n).name for n in range(model.njnt)]
     if lacking := [name for name in joints if ("joint", name) not in about.followed]:
-        told = f"lacks the angle of {listed(map(repr, lacking))}: torques follow from all joints."
+        told = f"lacks the angle of {listed(map(repr, lacking))}. Torques depend on every joint: measure all."
         found.append(("measured", told))
     if not moved:
         found.append(
             (
                 "measured",
-                "has no torque, force or current of a joint's motor: nothing would be compared.",
+                "has no torque, force or current of a joint's motor: nothing would be compared. Add it.",
             )
         )
     return found

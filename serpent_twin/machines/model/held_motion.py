@@ -9,6 +9,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import side_by_side
 from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.full_rate import thinned
 from serpent_twin.machines.model.known_motion import change_column, rate_column
 from serpent_twin.machines.model.prescribed import Prescription
 from serpent_twin.machines.model.seen import Seen
@@ -49,10 +50,9 @@ def _with_smoothed(
     known[motion.edge : len(run) - motion.edge] = True
     for each in machine.about.measured:
         more |= {name: np.where(known, run.columns[name], np.nan) for name in each.columns}
-    every = slice(None, None, machine.about.every)
-    columns = {name: of[every] for name, of in {**run.columns, **more}.items()}
     notes = (*run.metadata.get(NOTES, ()), f"{run.name}: {note}")
-    return replace(run, columns=columns, metadata=run.metadata | {NOTES: notes})
+    found = replace(run, columns=run.columns | more, metadata=run.metadata | {NOTES: notes})
+    return thinned(machine, found)
 
 
 def held_columns(machine: Described) -> list[str]:

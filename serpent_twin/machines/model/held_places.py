@@ -6,11 +6,16 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import JOINT_FRICTION, POSITIONS, READING_SHIFT
+from serpent_twin.effects.law import JOINT_FRICTION, READING_SHIFT
 from serpent_twin.machines.model.along import Along
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.known_motion import STANDING, rate_column
-from serpent_twin.machines.model.places import channels_alone, clocks_and_commands, few_bodies
+from serpent_twin.machines.model.places import (
+    channels_alone,
+    clocks_and_commands,
+    few_bodies,
+    positions_of_ends,
+)
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.places import PlaceResponse, PlacesInRow, by_forces
@@ -30,16 +35,12 @@ def places_of_torques(
         for each in machine.prescribed
     }
     joints = {name: address(model, name) for name in rate}
-    readings = dict(clocks_and_commands(machine, pieces))
+    bodies = few_bodies(model)
+    along = Along.of(model, bodies, [], pose)
+    readings = clocks_and_commands(machine, pieces) | positions_of_ends(model, bodies, along)
     for name, at in joints.items():
         readings["joint_angle", name] = pose[..., at]
         readings["joint_velocity", name] = rate[name]
-    bodies = few_bodies(model)
-    along = Along.of(model, bodies, [], pose)
-    for k, n in enumerate(bodies):
-        if n not in model.body_parentid[bodies]:  # the end of a chain
-            at = along.middle[k]
-            readings |= {(axis, model.body(n).name): at[..., x] for x, axis in enumerate(POSITIONS)}
     shape = (*pieces.time.shape, len(measured))
     channel = {name: measured.index(name) for name in machine.efforts}
     found = [*_of_joints(channel, rate, shape), *_of_bodies(model, bodies, along, channel, shape)]

@@ -174,14 +174,13 @@ class ModelMachine(SimulatedModel):
                 return places_at_rest(self._at_rest(point), self.respond, point, pieces)
         if not only_single(machine.model):
             return None
-        if machine.about.held:
-            with quietly(), np.errstate(all="ignore"):
-                motion = self._in_motion([point]).held(pieces)
-                _, pose = motion.moved()
-                model = motion.driven.models[0]
-                return places_of_torques(machine, model, self.places, pieces, pose)
         with quietly(), np.errstate(all="ignore"):
-            motion = self._in_motion([point]).motion(pieces)
+            twin = self._in_motion([point])
+            if machine.about.held:
+                motion = twin.held(pieces)
+                model, (_, pose) = motion.driven.models[0], motion.moved()
+                return places_of_torques(machine, model, self.places, pieces, pose)
+            motion = twin.motion(pieces)
             return ModelPlaces.of(machine, self.places, motion, pieces)
 
     def derivatives(

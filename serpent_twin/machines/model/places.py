@@ -116,11 +116,7 @@ class ModelPlaces(Places):
             of = "motor" if name in motors else "joint"
             found[f"{of}_angle", name] = np.nan_to_num(self.states.pose[..., dof])
             found[f"{of}_velocity", name] = np.nan_to_num(self._mean_rate[..., dof])
-        for k, n in enumerate(self._bodies):
-            if n not in self.machine.model.body_parentid[self._bodies]:  # the end of a chain
-                at = self._along.middle[k]
-                name = self.machine.model.body(n).name
-                found |= {(axis, name): at[..., x] for x, axis in enumerate(POSITIONS)}
+        found |= positions_of_ends(self.machine.model, self._bodies, self._along)
         for k, n in enumerate(self._tendons):
             if not drives_on(self.model, "tendon", n):
                 found["tension", self.model.tendon(n).name] = self._along.tension[k]
@@ -254,6 +250,18 @@ class ModelPlaces(Places):
             if name in known:  # a shift of its load
                 continue
             yield self._lagged(READING_SHIFT, name, 0.0 * self.forced.by_force[:1], change)
+
+
+def positions_of_ends(
+    model: mujoco.MjModel, bodies: Sequence[int], along: Along
+) -> dict[tuple[str, str], Array]:
+    """Places [m], (S, T), of bodies that carry no other of them, by the reading and the body's name."""
+    return {
+        (axis, model.body(n).name): along.middle[k][..., x]
+        for k, n in enumerate(bodies)
+        if n not in model.body_parentid[bodies]
+        for x, axis in enumerate(POSITIONS)
+    }
 
 
 def channels_alone(measured: Sequence[str], shape: tuple[int, ...]) -> Iterator[tuple[str, Array]]:
