@@ -70,6 +70,7 @@ def bars(
     case: Case[Any],
     found: Fit,
     error: float,
+    training: Any,
     held_out: Any,
     noise: Noise,
     rng: np.random.Generator,
@@ -80,6 +81,7 @@ def bars(
     """
     camera = noise_alone(case, held_out)
     share = wider * min(1.0, BEYOND * camera / error) if error > 0 else wider
-    complete = case.expected(found.point, drawn(case, found, rng, _DRAWS, share), held_out, rng)
+    alike = drawn(case, found, training, rng, _DRAWS, share)
+    complete = case.expected(found.point, alike, held_out, rng)
     left = error * float(np.sqrt(neglected(case, found)))
     return Bars(camera, complete, noise.mean_jitter, case.machine.error_before_change, left)

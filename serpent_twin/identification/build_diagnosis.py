@@ -67,7 +67,8 @@ def build_diagnosis(
     noise = found["corrected"].noise
     # More segments than the search's make what the twin idealises no smaller, and the bar allows for it.
     wider = float(np.sqrt(len(final.used) / len(selection.settled.used)))
-    bar = bars(case, final, held["corrected"].marker, held_out, noise, rng, wider)
+    left, training = held["corrected"].marker, tracer.training
+    bar = bars(case, final, left, training, held_out, noise, rng, wider)
     error = {name: each.marker for name, each in held.items()}
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)

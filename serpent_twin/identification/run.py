@@ -169,7 +169,7 @@ def trace_sessions(
         seconds = tracer.notes.seconds + time.perf_counter() - began
         numbers = found.numbers(seconds, tracer.notes.simulated + tracer.case.clock.seconds)
         if config.twins:
-            _write_twins(config, selection, found.arm, settings)
+            _write_twins(config, selection, tracer.training, found.arm, settings)
         return found, _write(config, tracer, found, numbers, settings)
 
 
@@ -279,12 +279,13 @@ def _seen_from(out: Path, logs: Path) -> str:
 
 
 def _write_twins(
-    config: Trace, selection: Selection, arm: str, settings: Mapping[str, Any]
+    config: Trace, selection: Selection, training: Any, arm: str, settings: Mapping[str, Any]
 ) -> None:
     """Write the calibrated twin, and those that the logs cannot distinguish from the corrected one."""
     folder, rng = config.out / "twins", np.random.default_rng([config.seed, 11])
     folder.mkdir(exist_ok=True)
     about = {"arm": arm, "provenance": dict(settings) | provenance()}
     selection.case.write(selection.calibrated.point, folder / "calibrated.json", about)
-    for n, point in enumerate(drawn(selection.case, selection.final, rng, config.twins), 1):
+    points = drawn(selection.case, selection.final, training, rng, config.twins)
+    for n, point in enumerate(points, 1):
         selection.case.write(point, folder / f"drawn_{n:02d}.json", about)

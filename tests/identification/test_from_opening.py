@@ -138,7 +138,9 @@ def _log(path, model, late, seed):
 
 
 def _traced(folder, tool, late, model=1.2, toml=TOML):
-    """The selection of a trace of four short logs, whose tool has 1.2 kg in the model."""
+    """The selection of a trace of four short logs, whose tool has 1.2 kg in the model, and the training
+    segments.
+    """
     Example(MJCF.format(tool=model), toml).write(folder)
     (folder / "logs").mkdir()
     for n in range(4):
@@ -149,24 +151,25 @@ def _traced(folder, tool, late, model=1.2, toml=TOML):
     made = rig.open(logs[:-1])
     notes = Checkpoints(folder / "stages", made.clock)
     parts = made.pieces(logs[:-1]), made.pieces(logs[-1:])
-    return RefittingTracer(made, *parts, notes, lambda _: None, 0).select()
+    return RefittingTracer(made, *parts, notes, lambda _: None, 0).select(), parts[0]
 
 
 @pytest.mark.slow
 def test_a_delay_is_found_that_a_calibration_would_absorb(tmp_path):
-    found = _traced(tmp_path, 1.2, 0.03).final
+    found = _traced(tmp_path, 1.2, 0.03)[0].final
     assert list(found.point.effects) == ["command_delay"]
     assert found.point.effects["command_delay"][0] == pytest.approx(0.03, abs=0.002)
 
 
 @pytest.mark.slow
 def test_a_mass_that_is_not_there_is_no_friction(tmp_path):
-    selection = _traced(tmp_path, 0.001, 0.0)
+    selection, training = _traced(tmp_path, 0.001, 0.0)
+    case = selection.case
     assert not selection.final.point.effects
     found = moved(selection.case, selection.settled, ())
     assert [each.name for each in found] == ["mass of tool"]
     assert found[0].value < 0.1
-    several = drawn(selection.case, selection.final, np.random.default_rng(0), 20)
+    several = drawn(case, selection.final, training, np.random.default_rng(0), 20)
     k = [each.name for each in selection.case.declared].index("mass of tool")
     assert max(1.2 * np.exp(each.declared[k]) for each in several) < 0.3
 
@@ -179,7 +182,7 @@ def test_a_mass_far_from_what_was_built_is_a_payload(tmp_path, tool, named):
     """
     toml = TOML.replace('"hinge_', '"payload@tip", "hinge_')
     toml = f'{toml}uncertain = [{{ number = "actuator gain", of = ["servo"], prior = 0.03 }}]\n'
-    selection = _traced(tmp_path, tool, 0.0, 0.2, toml)
+    selection, _ = _traced(tmp_path, tool, 0.0, 0.2, toml)
     assert list(selection.final.point.effects) == named
     k = [each.name for each in selection.case.declared].index("mass of tool")
     assert abs(selection.final.point.declared[k]) < 0.2

@@ -1,11 +1,11 @@
 """Test how a trace judges: rivals, pairs, parameters that are not as built, bars, stand-ins and limits."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_case import GUST, NOTHING, START, case, every
+from linear_case import GUST, NOTHING, START, LinearCase, case, every
 
 from serpent_twin.effects import Range
 from serpent_twin.identification.acceptance import CandidateTrial, accepting
@@ -176,11 +176,40 @@ def test_twins_that_logs_cannot_tell_apart_keep_a_strength_that_is_at_its_limit(
     )
     base = replace(base, point=base.point.having(GUST, np.array([9.0])))
     rng = np.random.default_rng(1)
-    free = {each.effects[GUST][0] for each in drawn(arm, base, rng, 5)}
+    free = {each.effects[GUST][0] for each in drawn(arm, base, every(), rng, 5)}
     known = replace(arm.candidates[GUST], ranges={"size": Range("1", 0, 10, 1, limit="all of it")})
     several = replace(arm, candidates={**arm.candidates, GUST: known})
     assert len(free) == 5
-    assert {each.effects[GUST][0] for each in drawn(several, base, rng, 5)} == {9.0}
+    assert {each.effects[GUST][0] for each in drawn(several, base, every(), rng, 5)} == {9.0}
+
+
+@dataclass(frozen=True)
+class BentCase(LinearCase):
+    """Its residual bends along the first number."""
+
+    bend: float = 0.0
+
+    def residual(self, points, pieces, timestep=None):
+        bent = [self.bend * self.X[pieces][..., 0] * p.declared[0] ** 2 for p in points]
+        return super().residual(points, pieces, timestep) - self.weigh(np.array(bent))
+
+
+@pytest.mark.parametrize("bend", [0.0, 30.0])
+def test_twins_that_logs_cannot_tell_apart_fit_them_as_well(bend):
+    """Where a residual bends along a number that it hardly tells, its covariance says too much."""
+    flat = case(0.0)
+    noise = flat.y - flat.X @ [1.0, -2.0]
+    arm = BentCase(flat.X * [1e-3, 1.0], flat.g, flat.other, noise, bend=bend)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
+    several = drawn(arm, base, every(), np.random.default_rng(3), 40)
+    left = arm.residual([base.point, *several], list(base.used))
+    squares = (left**2).sum(axis=(1, 2)) / base.variance_inflation
+    assert (
+        squares[1:] - squares[0] < 9.3
+    ).all()  # of chi squared with two degrees of freedom, a hundredth
+    apart = np.std([each.declared for each in several], axis=0) / base.error
+    assert apart[1] == pytest.approx(1.0, abs=0.3) or bend
+    assert 0.001 < apart[0] < 0.5 if bend else 0.7 < apart[0] < 1.3
 
 
 def test_beside_a_strength_at_its_limit_others_are_tested_as_if_it_were_held():

@@ -4,9 +4,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
+from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import moved
+from serpent_twin.identification.fitting.objective import cost_at
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import listed
@@ -14,13 +17,25 @@ from serpent_twin.numerals import listed
 _LISTED = 6
 _LEAST = 0.01
 """Share of a fitted number that a drawn one has at least"""
+_LIKELY, _HALVINGS = 0.99, 10
+"""Share of drawn twins that a linear machine's data could not distinguish; times that one is brought nearer
+"""
 
 
 def drawn(
-    case: Case[Any], found: Fit, rng: np.random.Generator, n: int, share: float = 1.0
+    case: Case[Any],
+    found: Fit,
+    training: Any,
+    rng: np.random.Generator,
+    n: int,
+    share: float = 1.0,
 ) -> list[ParameterVector]:
     """Twins that the data cannot distinguish from the fitted one; with only a share of its standard errors,
     if given. A value that is at its limit stays.
+
+    They are drawn from the fit's covariance, which is right to first order. Where a number is hardly
+    determined, its error is large and responses bend: a twin that fits the training segments worse than
+    one in a hundred would is brought nearer by halves.
     """
     ranges = [list(case.candidates[name].ranges.values())[k] for name, k in found.free.effects]
     values = [found.point.effects[name][k] for name, k in found.free.effects]
@@ -31,7 +46,27 @@ def drawn(
     far_off = [k for k, each in enumerate(found.free.declared) if _is_far_off(case, each)]
     # a number that may be nearly nothing is uncertain by itself, and not by its logarithm
     steps[:, far_off] = np.log1p(np.maximum(steps[:, far_off], _LEAST - 1))
-    return [moved(case, found.point, found.free, step) for step in steps]
+    some = case.take(training, found.used)
+
+    def costs(points: list[ParameterVector]) -> Array:
+        left = case.residual(points, some)
+        inflation = found.variance_inflation
+        return np.array(
+            [cost_at(case, *each, inflation) for each in zip(points, left, strict=True)]
+        )
+
+    (least,), worst = costs([found.point]), share**2 * chi2.ppf(_LIKELY, len(found.error))
+    points = [moved(case, found.point, found.free, step) for step in steps]
+    far = list(range(n))
+    for _ in range(_HALVINGS):
+        grown = costs([points[k] for k in far]) - least
+        far = [k for k, each in zip(far, grown, strict=True) if not each <= worst]
+        if not far:
+            break
+        steps[far] /= 2
+        for k in far:
+            points[k] = moved(case, found.point, found.free, steps[k])
+    return points
 
 
 def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:
