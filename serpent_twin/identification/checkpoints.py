@@ -103,6 +103,7 @@ class _StoredScoreTest(stored.Form, frozen=True):
     start: tuple[Number, ...]
     unstable: bool
     tried: tuple[Number, ...]
+    within: tuple[Number, ...] = ()
 
 
 class _StoredFit(stored.Form, frozen=True):
@@ -119,7 +120,8 @@ class _StoredFit(stored.Form, frozen=True):
 
 def _score_arrays(scores: Sequence[Score]) -> dict[str, Any]:
     rows = [{n: getattr(each, n) for n in _StoredScoreTest.__struct_fields__} for each in scores]
-    rows = [{**row, **{n: list(map(float, row[n])) for n in ("start", "tried")}} for row in rows]
+    numbers = ("start", "tried", "within")
+    rows = [{**row, **{n: list(map(float, row[n])) for n in numbers}} for row in rows]
     change, beyond = (
         np.array([getattr(each, name) for each in scores], np.float32)
         for name in ("change", "beyond")
@@ -139,7 +141,7 @@ def _read_scores(path: Path, arrays: stored.Arrays) -> list[Score]:
     return [
         Score(
             *(r.name, r.share, r.excitation, np.array(r.start), r.unstable),
-            *(change, beyond, np.array(r.tried)),
+            *(change, beyond, np.array(r.tried), np.array(r.within)),
         )
         for r, change, beyond in each
     ]

@@ -13,7 +13,7 @@ from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import derives_cheaply, fit
 from serpent_twin.identification.fitting.objective import cost_at
-from serpent_twin.identification.full_fit import full_fit
+from serpent_twin.identification.full_fit import best_of, full_fit, hypotheses
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.score_test import WORTH_A_FIT, Score, scores, worth_fitting
 from serpent_twin.identification.trials import Trials
@@ -91,7 +91,9 @@ def from_opening(
     for name in chosen:
         trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
         several = list[Fit]()
-        for n, one in enumerate([found[name], *_others(trials, case, begun, found[name], stage)]):
+        for n, one in enumerate(
+            [*hypotheses(found[name]), *_others(trials, case, begun, found[name], stage)]
+        ):
             fitted = trials.stable(
                 f"fit_{stage}_{name}{f'_variant_{n}' if n else ''}",
                 lambda one=one, near=HOPELESS * least: full_fit(
@@ -104,7 +106,7 @@ def from_opening(
         if not several:
             out[name] = replace(out[name], score=replace(found[name], unstable=True))
             continue
-        fits[name] = min(several, key=lambda each: each.cost)
+        fits[name] = best_of(several)
     best = min((each.cost for each in fits.values()), default=np.inf)
     for name, fitted in fits.items():
         own = weighed

@@ -1,5 +1,7 @@
 """Fit a candidate effect fully, together with all declared parameters."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ _DERIVATIVES = 2
 _ASLEEP, _SCANNED = 0.01, 10
 """Noise by which a law changes no number of a residual where it does nothing; strengths that are tried then
 """
+_BY_CHANCE = 4.0
+"""Cost, of which one is a standard error, by which a fit at another place may be better by chance"""
 _WEAK = 0.03
 """Share of the strength that a score test finds, from which a full fit begins where no other is stable"""
 
@@ -54,6 +58,18 @@ def full_fit(
     free = free_parameters(case, names)
     about = {"known": base, "near": near, "afresh": afresh}
     return fit(case, pieces, start, free, _DERIVATIVES, 1, on_progress, **about)
+
+
+def hypotheses(found: Score) -> list[Score]:
+    """A candidate as its score says, and at the place within its own that shows nearly as much, if any."""
+    within = replace(found, start=found.within, tried=found.within)
+    return [found, within] if len(found.within) else [found]
+
+
+def best_of(several: Sequence[Fit]) -> Fit:
+    """The best of a candidate's fits; the first, where no other is better by more than chance."""
+    best = min(several, key=lambda each: each.cost)
+    return best if best.cost < several[0].cost - _BY_CHANCE else several[0]
 
 
 def _awake(case: Case[Any], some: Any, base: Fit, found: Score) -> ParameterVector:

@@ -43,6 +43,10 @@ _CLEARLY = 1.05
 """Times the share of a place that one within it must remove: where only one strand of a cable pulls, it and
 the cable look alike
 """
+_NEARLY = 0.7
+"""Share of what all remove that one place within must remove to be fitted fully, too: which of both it is,
+first order cannot say of a law that bends
+"""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,8 @@ class Score:
     """The change beyond the free parameters of the base, (N,)"""
     tried: Array = field(default_factory=lambda: np.zeros(0))
     """The parameters of that variant"""
+    within: Array = field(default_factory=lambda: np.zeros(0))
+    """Its parameters at the best place within its own, if that removes nearly as much; else nothing"""
 
     def sized(self, candidate: Candidate, size: float) -> Array:
         """The parameters of that variant with its strengths times a size, within their ranges."""
@@ -85,10 +91,12 @@ def placed(case: Case[Any], pieces: Any, base: Fit, found: Mapping[str, Score]) 
     now, better = dict(found), set[str]()
     nearer = _nearer([case.candidates[name] for name in found], now)
     while nearer:
-        tested = _tested(case, pieces, base, nearer).items()
-        several = {n: s for n, s in tested if s.share > _CLEARLY * now[n].share}
+        tested = _tested(case, pieces, base, nearer)
+        several = {n: s for n, s in tested.items() if s.share > _CLEARLY * now[n].share}
+        near = {n: s for n, s in tested.items() if s.share > _NEARLY * now[n].share}
+        now |= {n: replace(now[n], within=s.start) for n, s in near.items()}
         now |= {n: replace(s, excitation=now[n].excitation) for n, s in several.items()}
-        better |= set(several)
+        better |= {*several, *near}
         nearer = _nearer([nearer[n][0] for n in several], now)
     return [score for name, score in now.items() if name in better]
 

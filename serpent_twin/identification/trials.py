@@ -16,7 +16,7 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.fitting.fitted import Fit, fits_better
 from serpent_twin.identification.fitting.free_parameters import UnstableStartError
 from serpent_twin.identification.fitting.least_squares import OnProgress, derives_cheaply, fit
-from serpent_twin.identification.full_fit import full_fit
+from serpent_twin.identification.full_fit import best_of, full_fit, hypotheses
 from serpent_twin.identification.gained import gained, happens_once
 from serpent_twin.identification.held_out import Errors, errors, gave_up
 from serpent_twin.identification.laws_to_fit import laws_to_fit, sensor_of
@@ -105,15 +105,19 @@ class Trials:
             which = f"candidate {n} of {len(chosen)}, {spaced(name)}"
             self.on_progress(f"round {number}, from the {begins}: fitting {which}")
             near = min(beat, begun.cost - _NEAR * (begun.cost - best))
-            fitted = self.stable(
-                f"fit_{stage}_{name}",
-                lambda one=found[name], near=near: full_fit(
-                    case, self.training, begun, one, self.on_progress, near
-                ),
-            )
-            if fitted is None:
+            several = list[Fit]()
+            for k, one in enumerate(hypotheses(found[name])):
+                fitted = self.stable(
+                    f"fit_{stage}_{name}{'_within' * k}",
+                    lambda one=one, near=near: full_fit(
+                        case, self.training, begun, one, self.on_progress, near
+                    ),
+                )
+                several += [fitted] if fitted else []
+            if not several:
                 trials[name] = replace(trials[name], score=replace(found[name], unstable=True))
                 continue
+            fitted = best_of(several)
             if name in missed:  # what has taken up its part must give way
                 fitted = self.further(case, fitted, f"fit_{stage}_{name}_beside")
             best = min(best, fitted.cost)

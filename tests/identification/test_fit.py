@@ -7,7 +7,6 @@ import pytest
 from linear_case import GUST, NUMBERS, SEGMENTS, START, LinearCase, case, every, scored
 from scipy.stats import t as student
 
-from serpent_twin.effects import Range
 from serpent_twin.identification.acceptance import CandidateTrial, why_not
 from serpent_twin.identification.fitting.fitted import NORMAL_95
 from serpent_twin.identification.fitting.free_parameters import free_parameters
@@ -19,8 +18,7 @@ from serpent_twin.identification.fitting.uncertainty import indistinguishable
 from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import Errors, blocks, chance, gain, together
 from serpent_twin.identification.left_out import left_out
-from serpent_twin.identification.score_test import placed, scores, worth_fitting
-from serpent_twin.machines.candidate import Candidate
+from serpent_twin.identification.score_test import scores, worth_fitting
 from serpent_twin.machines.machine import Declared
 
 
@@ -235,56 +233,6 @@ def test_a_loss_is_told_as_a_loss(step, said):
         why = why_not(GUST, CandidateTrial(found, made, lost, 1.0), arm.candidates[GUST])
         assert why.startswith(f"{said} on held-out logs") or (step < -0.04 and not why)
         assert "-" not in why.replace("held-out", "") and "−" not in why
-
-
-@dataclass(frozen=True)
-class PlacedCase(LinearCase):
-    """One candidate that may be at one of four places, at two of them, or at all."""
-
-    asked: list = field(default_factory=list)
-
-    def residual(self, points, pieces, timestep=None):
-        self.asked.append(len(points))
-        return np.array([self._one(p)[pieces] for p in points])
-
-    def _one(self, point):
-        size, place = point.effects.get(GUST, [0.0, -1.0])
-        return self.y - self.X @ point.declared - size * _at(self.g, place)
-
-
-_WITHIN = {-1.0: (10.0, 11.0), 10.0: (0.0, 1.0), 11.0: (2.0, 3.0)}
-
-
-def _at(four, place):
-    """What the candidate does at a place, of what it does at four of them, (S, N, 4)."""
-    which = {-1.0: slice(4), 10.0: slice(2), 11.0: slice(2, 4)}.get(place, [int(place)])
-    return four[..., which].sum(axis=-1)
-
-
-@pytest.mark.parametrize(
-    ("place", "size", "last", "found_at"),
-    [(2, 0.7, 1, 2), (10, 0.5, 1, 10), (-1, 0.3, 1, -1), (1, 0.0, 1, -1), (2, 0.7, 0.05, 11)],
-)
-def test_places_are_tried_within_the_best_one_so_far(place, size, last, found_at):
-    """Where the fourth place shows a twentieth, the third and both look alike: the coarser one stands."""
-    rng = np.random.default_rng(4)
-    g, bare = rng.standard_normal((SEGMENTS, NUMBERS, 4)) * [1, 1, 1, last], case(0.0)
-    known = {
-        "size": Range("m", 0.0, 10.0, 1.0),
-        "place": Range("1", -1, 11, -1, fitted=False, within=lambda p: _WITHIN.get(p, ())),
-    }
-    candidate = Candidate(GUST, known, (np.array([1.0, -1.0]),))
-    arm = PlacedCase(
-        bare.X, g, bare.other, bare.y + size * _at(g, place), candidates={GUST: candidate}
-    )
-    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
-    arm.asked.clear()
-    everywhere = {each.name: each for each in scores(arm, every(), base, [candidate])}
-    (found,) = [*placed(arm, every(), base, everywhere), *everywhere.values()][:1]
-    assert found.start[1] == found_at
-    assert arm.asked == ([2] if not size else [2, 3] if place == -1 else [2, 3, 3])
-    if size:
-        assert found.start[0] == pytest.approx(size, rel=0.05) and found.share > 0.2
 
 
 def test_segments_are_chosen_that_leave_as_much_as_all_do():

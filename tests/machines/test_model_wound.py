@@ -204,3 +204,24 @@ def test_what_cannot_be_is_refused_by_line_and_key(tmp_path, before, after, want
     with pytest.raises(SerpentError) as error:
         open_machine(tmp_path / "machine.toml")
     assert wanted in str(error.value) and "line " in str(error.value)
+
+
+def test_what_a_cable_bears_is_what_its_link_rests_by(tmp_path):
+    """A spring holds the link against the winch. A site three centimetres from where the model has it
+    turns the link by as much as would stretch the cable by 6 N.
+    """
+    spring, time, at = 0.4, *motion(rows=160)[:2]
+    link = RADIUS**2 * STIFFNESS * at / (RADIUS**2 * STIFFNESS + spring)
+    place = 203 * np.stack([np.cos(link), 0 * link, -np.sin(link)], axis=1) - [300, 0, 0]
+    place += np.outer(np.ones(160), [0.0, 0.0, -30.0])
+    seen = np.c_[-place[:, 2], place[:, 1], place[:, 0]]
+    table = np.c_[time, at, np.gradient(at, time), seen, 1e3 * spring * link]
+    mjcf = MJCF.replace('damping="0.02"/>', f'damping="0.02" stiffness="{spring}"/>')
+    (tmp_path / "winch.xml").write_text(mjcf)
+    (tmp_path / "machine.toml").write_text(TOML)
+    names = "t,wound,speed,x,y,z,torque"
+    np.savetxt(tmp_path / "log.csv", table, "%.9f", ",", header=names, comments="")
+    rig = open_machine(tmp_path / "machine.toml")
+    case = rig.open(rig.read(tmp_path / "log.csv"))
+    most = case.candidates["clamp_slip@cable"].ranges["grip"].high
+    assert most == pytest.approx((spring * link / RADIUS).max(), rel=0.02)

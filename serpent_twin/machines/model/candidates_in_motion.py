@@ -13,10 +13,11 @@ from serpent_twin.effects import KNOWN, Range
 from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.model.described import Described
+from serpent_twin.machines.model.relaxed import relax
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.sizes import Sizes, given, of_joint, sized_candidate, sized_range
 from serpent_twin.machines.model.springs import Springs, single_joints
-from serpent_twin.machines.model.starts import angle_of, measured_joints
+from serpent_twin.machines.model.starts import angle_of, measured_joints, unread_joints
 from serpent_twin.machines.model.state_effects import state_driven
 from serpent_twin.machines.model.state_laws import springs_at
 from serpent_twin.machines.model.state_moment import JOINT, TENDON
@@ -146,8 +147,9 @@ _RECOVERS = Range("1", 0.0, 0.0, 0.0, fitted=False)
 
 
 def _loads(machine: Described, training: Sequence[Log]) -> list[_Load]:
-    """What each named spring of the nominal model bears in the logs at rest; joints that are not measured are
-    where runs begin.
+    """What each named spring of the nominal model bears in the logs at rest. Joints that nothing measures are
+    where runs begin; those that sites place rest between the others, as stiff springs would else bear all
+    that the model's lengths are off.
     """
     model = machine.model
     rows = [
@@ -165,6 +167,7 @@ def _loads(machine: Described, training: Sequence[Log]) -> list[_Load]:
             pose[n, address(model, joint)] = run.columns[angle_of(joint)][t]
         for drive in machine.commanded:
             control[n, model.actuator(drive.actuator).id] = run.columns[drive.column][t]
+    relax(batch, unread_joints(machine))
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
     stretch, told = springs.state(np.zeros((len(rows), model.nv)))
     tension = np.clip(springs.stiffness * stretch + told, *springs.limits)

@@ -19,6 +19,8 @@ def relax(batch: Batch, joints: Sequence[str]) -> None:
     """Move some hinges and slides of all runs to where they rest, as near to where they are as their dry
     friction holds them: Newton's method, others held.
     """
+    if not joints:
+        return
     model = batch.model
     at = [int(model.joint(name).qposadr[0]) for name in joints]
     dof = [int(model.joint(name).dofadr[0]) for name in joints]

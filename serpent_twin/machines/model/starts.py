@@ -141,14 +141,20 @@ def start(machine: Described, begin: Array, pieces: Segments) -> SegmentStart:
         return SegmentStart((), np.zeros((S, 0, 2)), np.zeros((S, 0, LEAD)), begin)
     state = [[column[of(joint)][:, 0] for of in (angle_of, rate_of)] for joint in joints]
     reading = [column[reading_of(joint)][:, :LEAD] for joint in joints]
-    relaxed = tuple(each for each in _single(machine) if each not in joints)
     return SegmentStart(
         joints,
         np.moveaxis(np.array(state), 2, 0),
         np.stack(reading, axis=1),
         begin,
-        relaxed=relaxed if placed_joints(machine) else (),
+        relaxed=tuple(each for each in _single(machine) if each not in joints)
+        if placed_joints(machine)
+        else (),
     )
+
+
+def unread_joints(machine: Described) -> list[str]:
+    """Names of the hinges and slides that sites place, or nothing does where sites place others."""
+    return [n for n in _single(machine) if n not in machine.read_joints and placed_joints(machine)]
 
 
 def _single(machine: Described) -> list[str]:
