@@ -125,7 +125,7 @@ def _nearer(candidates: Sequence[Candidate], found: Mapping[str, Score]) -> _Tri
     """The places within each candidate's best one, of the best few candidates that show and have some, and of
     those that these can be confused with.
     """
-    tried = {c.name: (c, _places(c, found[c.name].start)) for c in candidates}
+    tried = {c.name: (c, _places(c, found[c.name].tried)) for c in candidates}
     shown = [n for n, (_, places) in tried.items() if places and found[n].share > _SHOWS]
     best = sorted(shown, key=lambda n: -found[n].share)[:_PLACED]
     alike = [like for name in best for like in tried[name][0].confused_with if like in shown]
@@ -133,14 +133,17 @@ def _nearer(candidates: Sequence[Candidate], found: Mapping[str, Score]) -> _Tri
 
 
 def _places(candidate: Candidate, values: Array) -> list[Array]:
-    """Values at the places within the one that they have, of typical strength."""
-    usual, out = values.copy(), []
-    ranges = list(candidate.ranges.values())
-    for k in strengths(candidate):
-        usual[k] = ranges[k].typical
+    """Values at the places within the one that they have, by all variants that are alike in what is not
+    fitted: a threshold that suits all places need not suit one.
+    """
+    ranges, out = list(candidate.ranges.values()), []
     for n, allowed in enumerate(ranges):
-        for place in allowed.within(values[n]) if allowed.within else ():
-            out.append(np.where(np.arange(len(ranges)) == n, place, usual))
+        if not allowed.within:
+            continue
+        given = [k for k, each in enumerate(ranges) if not each.fitted and k != n]
+        several = [each for each in candidate.variants if (each[given] == values[given]).all()]
+        for place in allowed.within(values[n]):
+            out += [np.where(np.arange(len(ranges)) == n, place, each) for each in several]
     return out
 
 

@@ -173,7 +173,8 @@ def test_places_are_also_tried_of_what_the_best_can_be_confused_with():
         Candidate(n, somewhere, (np.array([1.0, -1.0]),), confused_with=alike.get(n, ()))
         for n in shares
     ]
-    found = {n: Score(n, share, 1.0, np.array([1.0, -1.0])) for n, share in shares.items()}
+    at = np.array([1.0, -1.0])
+    found = {n: Score(n, share, 1.0, at, tried=at) for n, share in shares.items()}
     assert list(_nearer(known, found)) == ["creep", "drift", "stiffening", "slip"]
 
 

@@ -17,6 +17,8 @@ _FEWEST = 2
 """Rows of a segment"""
 _SETTLES = 4
 """Times the rows before a segment, from which a session is long enough to have them"""
+_ALIKE = 1e-9
+"""Share of the greatest motion below which rows move alike: the first of these, whatever the last bits say"""
 _LEAD = 4
 """Poses before a segment that are sought, so that what remembers its past has one"""
 _POSES, ROWS = 20, 100
@@ -54,7 +56,9 @@ def _settling(machine: Described, run: Log, judged: Sequence[tuple[int, int]]) -
     """
     rates = [run.columns[rate_of(joint)] for joint in measured_joints(machine)]
     moves = np.sum([(each / (np.std(each) or 1.0)) ** 2 for each in rates], axis=0)
-    begins = [at - LEAD + int(np.argmin(moves[at - LEAD : at - LEAD // 2])) for at, _ in judged]
+    before = [moves[at - LEAD : at - LEAD // 2] for at, _ in judged]
+    least = [int(np.argmax(each <= each.min() + _ALIKE * each.max())) for each in before]
+    begins = [at - LEAD + quiet for quiet, (at, _) in zip(least, judged, strict=True)]
     most = max(end - begin for begin, (_, end) in zip(begins, judged, strict=True))
     return [
         Stretch(run, begin, min(begin + most, len(run)), each)
