@@ -103,7 +103,7 @@ class _StoredScoreTest(stored.Form, frozen=True):
     start: tuple[Number, ...]
     unstable: bool
     tried: tuple[Number, ...]
-    within: tuple[Number, ...] = ()
+    within: tuple[Number, ...]
 
 
 class _StoredFit(stored.Form, frozen=True):

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.fitted import Fit
@@ -17,9 +17,8 @@ from serpent_twin.numerals import listed
 _LISTED = 6
 _LEAST = 0.01
 """Share of a fitted number that a drawn one has at least"""
-_LIKELY, _HALVINGS = 0.99, 10
-"""Share of drawn twins that a linear machine's data could not distinguish; times that one is brought nearer
-"""
+_CHANCE, _HALVINGS = 0.01, 10
+"""Share of drawn twins that a linear machine's data could distinguish; times that one is brought nearer"""
 
 
 def drawn(
@@ -55,7 +54,7 @@ def drawn(
             [cost_at(case, *each, inflation) for each in zip(points, left, strict=True)]
         )
 
-    (least,), worst = costs([found.point]), share**2 * chi2.ppf(_LIKELY, len(found.error))
+    (least,), worst = costs([found.point]), share**2 * chdtri(len(found.error), _CHANCE)
     points = [moved(case, found.point, found.free, step) for step in steps]
     far = list(range(n))
     for _ in range(_HALVINGS):
