@@ -20,7 +20,7 @@ _ASLEEP, _SCANNED = 0.01, 10
 """Noise by which a law changes no number of a residual where it does nothing; strengths that are tried then
 """
 _BY_CHANCE = 4.0
-"""Cost, of which one is a standard error, by which a fit at another place may be better by chance"""
+"""Cost by which a fit at another place may be better by chance: two standard errors"""
 _WEAK = 0.03
 """Share of the strength that a score test finds, from which a full fit begins where no other is stable"""
 
@@ -67,7 +67,7 @@ def hypotheses(found: Score) -> list[Score]:
 
 
 def best_of(several: Sequence[Fit]) -> Fit:
-    """The best of a candidate's fits; the first, where no other is better by more than chance."""
+    """The best of a candidate's fits, or the first of them if the best could be better by chance."""
     best = min(several, key=lambda each: each.cost)
     return best if best.cost < several[0].cost - _BY_CHANCE else several[0]
 

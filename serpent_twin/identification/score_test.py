@@ -44,8 +44,8 @@ _CLEARLY = 1.05
 the cable look alike
 """
 _NEARLY = 0.7
-"""Share of what all remove that one place within must remove to be fitted fully, too: which of both it is,
-first order cannot say of a law that bends
+"""Share of what its place removes that one within it must remove to be fitted fully as well: where a law
+bends, first order cannot say which of the two it is
 """
 
 

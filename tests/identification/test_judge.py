@@ -196,7 +196,7 @@ class BentCase(LinearCase):
 
 @pytest.mark.parametrize("bend", [0.0, 30.0])
 def test_twins_that_logs_cannot_tell_apart_fit_them_as_well(bend):
-    """Where a residual bends along a number that it hardly tells, its covariance says too much."""
+    """The covariance is too wide for a number that hardly shows at first, and bends the residual later."""
     flat = case(0.0)
     noise = flat.y - flat.X @ [1.0, -2.0]
     arm = BentCase(flat.X * [1e-3, 1.0], flat.g, flat.other, noise, bend=bend)
@@ -204,9 +204,7 @@ def test_twins_that_logs_cannot_tell_apart_fit_them_as_well(bend):
     several = drawn(arm, base, every(), np.random.default_rng(3), 40)
     left = arm.residual([base.point, *several], list(base.used))
     squares = (left**2).sum(axis=(1, 2)) / base.variance_inflation
-    assert (
-        squares[1:] - squares[0] < 9.3
-    ).all()  # of chi squared with two degrees of freedom, a hundredth
+    assert (squares[1:] - squares[0] < 9.3).all()  # chi squared, two degrees of freedom, 99 %
     apart = np.std([each.declared for each in several], axis=0) / base.error
     assert apart[1] == pytest.approx(1.0, abs=0.3) or bend
     assert 0.001 < apart[0] < 0.5 if bend else 0.7 < apart[0] < 1.3

@@ -38,6 +38,15 @@ def _at(four, place):
     return four[..., which].sum(axis=-1)
 
 
+def _anywhere(size):
+    """The candidate at all places, of a typical size."""
+    known = {
+        "size": Range("m", 0.0, 10.0, size),
+        "place": Range("1", -1, 11, -1, fitted=False, within=lambda p: _WITHIN.get(p, ())),
+    }
+    return Candidate(GUST, known, (np.array([size, -1.0]),))
+
+
 @pytest.mark.parametrize(
     ("place", "size", "last", "found_at"),
     [(2, 0.7, 1, 2), (10, 0.5, 1, 10), (-1, 0.3, 1, -1), (1, 0.0, 1, -1), (2, 0.7, 0.05, 11)],
@@ -46,11 +55,7 @@ def test_places_are_tried_within_the_best_one_so_far(place, size, last, found_at
     """Where the fourth place shows a twentieth, the third and both look alike: the coarser one stands."""
     rng = np.random.default_rng(4)
     g, bare = rng.standard_normal((SEGMENTS, NUMBERS, 4)) * [1, 1, 1, last], case(0.0)
-    known = {
-        "size": Range("m", 0.0, 10.0, 1.0),
-        "place": Range("1", -1, 11, -1, fitted=False, within=lambda p: _WITHIN.get(p, ())),
-    }
-    candidate = Candidate(GUST, known, (np.array([1.0, -1.0]),))
+    candidate = _anywhere(1.0)
     arm = PlacedCase(
         bare.X, g, bare.other, bare.y + size * _at(g, place), candidates={GUST: candidate}
     )
@@ -80,11 +85,7 @@ def test_a_place_within_is_fitted_that_first_order_cannot_tell_from_all(bend, at
     """It shows next to nothing at two of four places, whether it is there or not."""
     rng = np.random.default_rng(4)
     g, bare = rng.standard_normal((SEGMENTS, NUMBERS, 4)) * [1, 1, 0.05, 0.05], case(0.0)
-    known = {
-        "size": Range("m", 0.0, 10.0, 0.05),
-        "place": Range("1", -1, 11, -1, fitted=False, within=lambda p: _WITHIN.get(p, ())),
-    }
-    candidate = Candidate(GUST, known, (np.array([0.05, -1.0]),))
+    candidate = _anywhere(0.05)
     y = bare.y + 0.7 * _at(g, at)
     arm = BentCase(bare.X, g, bare.other, y, candidates={GUST: candidate}, bend=bend)
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)

@@ -54,12 +54,12 @@ def drawn(
             [cost_at(case, *each, inflation) for each in zip(points, left, strict=True)]
         )
 
-    (least,), worst = costs([found.point]), share**2 * chdtri(len(found.error), _CHANCE)
+    most = costs([found.point])[0] + share**2 * chdtri(len(found.error), _CHANCE)
     points = [moved(case, found.point, found.free, step) for step in steps]
     far = list(range(n))
     for _ in range(_HALVINGS):
-        grown = costs([points[k] for k in far]) - least
-        far = [k for k, each in zip(far, grown, strict=True) if not each <= worst]
+        now = costs([points[k] for k in far])
+        far = [k for k, cost in zip(far, now, strict=True) if not cost <= most]
         if not far:
             break
         steps[far] /= 2

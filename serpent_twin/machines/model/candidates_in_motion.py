@@ -17,7 +17,7 @@ from serpent_twin.machines.model.relaxed import relax
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.sizes import Sizes, given, of_joint, sized_candidate, sized_range
 from serpent_twin.machines.model.springs import Springs, single_joints
-from serpent_twin.machines.model.starts import angle_of, measured_joints, unread_joints
+from serpent_twin.machines.model.starts import angle_of, left_to_rest, measured_joints
 from serpent_twin.machines.model.state_effects import state_driven
 from serpent_twin.machines.model.state_laws import springs_at
 from serpent_twin.machines.model.state_moment import JOINT, TENDON
@@ -147,9 +147,9 @@ _RECOVERS = Range("1", 0.0, 0.0, 0.0, fitted=False)
 
 
 def _loads(machine: Described, training: Sequence[Log]) -> list[_Load]:
-    """What each named spring of the nominal model bears in the logs at rest. Joints that nothing measures are
-    where runs begin; those that sites place rest between the others, as stiff springs would else bear all
-    that the model's lengths are off.
+    """What each named spring of the nominal model bears in the logs at rest. A joint that nothing measures is
+    where runs begin. Where sites place joints, those without a column come to rest between the others: in
+    the poses of the sites stiff springs would bear all the errors of the model's lengths.
     """
     model = machine.model
     rows = [
@@ -167,7 +167,7 @@ def _loads(machine: Described, training: Sequence[Log]) -> list[_Load]:
             pose[n, address(model, joint)] = run.columns[angle_of(joint)][t]
         for drive in machine.commanded:
             control[n, model.actuator(drive.actuator).id] = run.columns[drive.column][t]
-    relax(batch, unread_joints(machine))
+    relax(batch, left_to_rest(machine, machine.read_joints))
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
     stretch, told = springs.state(np.zeros((len(rows), model.nv)))
     tension = np.clip(springs.stiffness * stretch + told, *springs.limits)

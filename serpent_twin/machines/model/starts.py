@@ -1,6 +1,6 @@
 """Say where in a log the runs of a motion begin."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,20 +146,16 @@ def start(machine: Described, begin: Array, pieces: Segments) -> SegmentStart:
         np.moveaxis(np.array(state), 2, 0),
         np.stack(reading, axis=1),
         begin,
-        relaxed=tuple(each for each in _single(machine) if each not in joints)
-        if placed_joints(machine)
-        else (),
+        relaxed=left_to_rest(machine, joints),
     )
 
 
-def unread_joints(machine: Described) -> list[str]:
-    """Names of the hinges and slides that sites place, or nothing does where sites place others."""
-    return [n for n in _single(machine) if n not in machine.read_joints and placed_joints(machine)]
-
-
-def _single(machine: Described) -> list[str]:
-    """Names of the hinges and slides."""
-    return [machine.model.joint(int(n)).name for n in single_joints(machine.model)]
+def left_to_rest(machine: Described, known: Collection[str]) -> tuple[str, ...]:
+    """Names of the hinges and slides that are not among the known ones; none where sites place no joint."""
+    if not placed_joints(machine):
+        return ()
+    single = (machine.model.joint(int(n)).name for n in single_joints(machine.model))
+    return tuple(name for name in single if name not in known)
 
 
 def start_columns(machine: Described) -> Sequence[str]:
