@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.measured.metric import CENTRED_TIP_RMS, MAE, RMSE, TIP_RMS, Metric
+from experiments.measured.metric import CENTRED_TIP_RMS, MAE, RMSE, TIP_RMS, TORQUE_RMS, Metric
 from serpent_twin.machines.model import open_machine
 
 
@@ -27,6 +27,8 @@ class Benchmark:
     """What reached the reference, where nothing is published"""
     model: str = ""
     """Name of its MJCF, if that lies with the logs"""
+    form: str = "*.parquet"
+    """Names of files of its logs"""
     unchanged: str = "*"
     """Names of the files of the machine as it was; any other is of it after something was changed"""
 
@@ -63,6 +65,16 @@ BENCHMARKS: Mapping[str, Benchmark] = {
         origin="github.com/ContinuumRoboticsLab/opencr-mujoco, commit 17fff8b",
         reference_by="the authors' own fit of three segments' pretension, on the poses that it was fitted to",
         model="v4.xml",
+        form="*.csv",
+    ),
+    "staubli_tx40": Benchmark(
+        TORQUE_RMS,
+        (),
+        reference=2.92,
+        sketch=9.9,
+        origin="github.com/thanhndv212/figaroh-examples, commit c0b5c7f",
+        reference_by="the authors' friction and rotor inertias on their model",
+        form="*.csv",
     ),
 }
 

@@ -24,9 +24,13 @@ class Metric:
     size: Callable[[Array], float]
     """Size, in `unit`, of errors (..., C) of all C coordinates in rad or m; NaN where nothing was measured"""
 
+    of_all: bool = False
+    """Whether all that is measured counts, and not the last of it"""
+
     def of(self, compared: Comparison) -> float:
-        """A twin's error: that of the last marker, be it a tip or the only angle."""
-        return self.size(compared.marker_residual[..., -1, :])
+        """A twin's error: that of the last marker, be it a tip or the only angle; or of all torques."""
+        left = compared.marker_residual
+        return self.size(left if self.of_all else left[..., -1, :])
 
     def between(self, measured: Array, predicted: Array) -> float:
         """A regression's error, of arrays (..., C)."""
@@ -43,6 +47,10 @@ def _mean_angle(error: Array) -> float:
 
 def _rms_angle(error: Array) -> float:
     return float(np.degrees(np.sqrt(np.nanmean(error**2))))
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.nanmean(error**2)))
 
 
 def _rms_distance(error: Array) -> float:
@@ -64,4 +72,7 @@ CENTRED_TIP_RMS = Metric(
     "mm",
     _centred_rms_distance,
 )
-METRICS = {metric.name: metric for metric in (MAE, RMSE, TIP_RMS, CENTRED_TIP_RMS)}
+TORQUE_RMS = Metric(
+    "torque_rms_nm", "torque RMS", "torque error of all joints, rms", "N m", _rms, of_all=True
+)
+METRICS = {metric.name: metric for metric in (MAE, RMSE, TIP_RMS, CENTRED_TIP_RMS, TORQUE_RMS)}

@@ -8,6 +8,7 @@ import numpy as np
 from experiments.measured.metric import TIP_RMS, Metric
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.known import STATED
+from serpent_twin.machines.model.starts import angle_of, rate_of
 from serpent_twin.tables.log import Log
 
 _RIDGE = 1e-3
@@ -15,7 +16,8 @@ _LAGS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s]
 _SMOOTH = 0.05  # [s] on both sides, over which the spindle's speed is taken
 _SLOW = 0.05  # [rad/s] below which a direction of motion fades
 _DELAYS = np.linspace(0.0, 0.4, 41)  # [s]
-_MOTORS, _TIP = range(1, 7), ("disk3_x", "disk3_y", "disk3_z")  # of the trunk
+_MOTORS = range(1, 7)  # of the trunk, and of the six-axis robot
+_TIP = ("disk3_x", "disk3_y", "disk3_z")
 Features = Callable[[Log], Array]
 Kinds = Mapping[str, Features]
 
@@ -69,6 +71,16 @@ def _tendons(run: Log) -> Array:
     return _products([values for name, values in run.columns.items() if "servo" in name], 3)
 
 
+def _motion(run: Log) -> Array:
+    """Angles of six joints as sines and cosines and their products, accelerations, rates and their ways."""
+    joints = [f"joint_{n}" for n in _MOTORS]
+    angle = np.stack([run.columns[angle_of(name)] for name in joints], axis=1)
+    rate = np.stack([run.columns[rate_of(name)] for name in joints], axis=1)
+    faster = np.gradient(rate, run.columns["time"], axis=0)
+    turned = _products([*np.sin(angle.T), *np.cos(angle.T)], 2)
+    return np.concatenate([rate, np.tanh(rate / _SLOW), faster, turned], axis=1)
+
+
 def _products(values: Sequence[Array], degree: int) -> Array:
     """All products of the values up to a degree, (T, features)."""
     chosen = [
@@ -103,6 +115,10 @@ KNOWN: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Log]], Kinds]]] = 
         },
     ),
     "trunk": (_TIP, _trunk),
+    "staubli_tx40": (
+        tuple(f"curr{n}" for n in _MOTORS),
+        lambda _: {"angles, rates, accelerations": _motion},
+    ),
     "opencr": (("tip_x", "tip_y", "tip_z"), lambda _: {"displacements, cubic": _tendons}),
 }
 """What is predicted for each rig, and from which features, as training runs suggest them; the last of
@@ -131,6 +147,8 @@ def _score(
     metric: Metric,
 ) -> float:
     x, y = _all(features, training), _measured(outputs, training)
+    known = np.isfinite(y).all(axis=1)
+    x, y = x[known], y[known]
     middle, scale, offset = x.mean(axis=0), x.std(axis=0) + 1e-9, y.mean(axis=0)
     z = (x - middle) / scale
     weight = np.linalg.solve(z.T @ z + _RIDGE * len(z) * np.eye(z.shape[1]), z.T @ (y - offset))

@@ -33,7 +33,7 @@ def asked(data: Path, held_out: str = "") -> dict[str, Asked]:
         return dict([_named(data, held_out)])
     found, missing = {}, []
     for name, bench in BENCHMARKS.items():
-        form = "*.csv" if bench.model else "*.parquet"
+        form = bench.form
         if not any(file.match(bench.unchanged) for file in (data / name).glob(form)):
             named = bench.unchanged.removesuffix("*") + form
             missing.append(f"{data / name} holds no {named} ({bench.origin} has the originals)")

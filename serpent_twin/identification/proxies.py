@@ -11,6 +11,7 @@ from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import gave_up
 from serpent_twin.identification.relieved import relieves
 from serpent_twin.identification.score_test import Score
+from serpent_twin.identification.together import without
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
@@ -26,21 +27,7 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
     for name in names:
         if name == names[-1] and len(final.point.effects) == len(names):
             break
-        point = final.point.without([name])
-        free = free_parameters(case, list(point.effects))
-        less = trials.stable(
-            f"without_{len(rounds)}_{name}",
-            lambda p=point, m=free, f=final: fit(
-                case,
-                trials.training,
-                p,
-                m,
-                _DERIVATIVES,
-                case.segments[0],
-                trials.on_progress,
-                known=f,
-            ),
-        )
+        less = _less(trials, case, final, name, len(rounds))
         score = rounds[accepting(rounds, name)].trials[name].score
         if less and needless(trials, case, score, less, final) and not relieves(case, less, final):
             trials.on_progress(f"{spaced(name)} is not worth it beside the others")
@@ -48,12 +35,33 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
     return final
 
 
+def _less(trials: Trials, case: Case[Any], final: Fit, name: str, number: int) -> Fit | None:
+    """A fit without one effect; None where it is not stable."""
+    if case.adds_up:
+        return without(trials, case, final, name, f"proxies_{number}")
+    point = final.point.without([name])
+    free, most = free_parameters(case, list(point.effects)), case.segments[0]
+    return trials.stable(
+        f"without_{number}_{name}",
+        lambda: fit(
+            case,
+            trials.training,
+            point,
+            free,
+            _DERIVATIVES,
+            most,
+            trials.on_progress,
+            known=final,
+        ),
+    )
+
+
 def needless(trials: Trials, case: Case[Any], score: Score, less: Fit, more: Fit) -> bool:
     """Whether logs show no gain of a fit with more effects over one with fewer, as `gained` judges it.
 
     `score` is of an effect that only one of them has.
     """
-    without, beside = trials.errors(case, less.point), trials.errors(case, more.point)
-    if gave_up(beside, without):
+    before, after = trials.errors(case, less.point), trials.errors(case, more.point)
+    if gave_up(after, before):
         return False
-    return bool(weakness(gained(case, score, (less, more), (without, beside))))
+    return bool(weakness(gained(case, score, (less, more), (before, after))))

@@ -11,6 +11,7 @@ from serpent_twin.identification.full_fit import full_fit
 from serpent_twin.identification.held_out import gain, gave_up
 from serpent_twin.identification.rivals import Rival, cosine, rivals
 from serpent_twin.identification.score_test import Score
+from serpent_twin.identification.together import without
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
@@ -27,7 +28,11 @@ def rival_fits(
     """
     number = accepting(rounds, name) + 1
     done = rounds[number - 1]
-    case = replace(case, noise=done.base.noise)  # by which the base's derivative is weighed
+    base, fitted = done.base, done.trials[name].fit
+    if case.adds_up and fitted:  # others that were accepted with it stay beside its rivals
+        case = replace(case, noise=fitted.noise)
+        base = without(trials, case, fitted, name, f"rivals_{number}")
+    case = replace(case, noise=base.noise)  # by which the base's derivative is weighed
     others = {n: each for n, each in done.trials.items() if n not in accepted or n == name}
     scores = {other: trial.score for other, trial in others.items()}
     alike, winner = rivals(name, scores, case.candidates), done.trials[name].errors
@@ -38,13 +43,13 @@ def rival_fits(
     beside += sorted(n for n in scores if n != name and own.is_law_beside(case.candidates[n]))
     out = []
     for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):
-        errors = done.trials[other].errors
+        errors = None if case.adds_up else done.trials[other].errors
         if errors is None and len(out) < _RIVALS and not scores[other].unstable:
             trials.on_progress(f"rivals: fitting {spaced(other)}")
             rival = trials.stable(
                 f"rival_{number}_{name}_{other}",
                 lambda o=other: full_fit(
-                    case, trials.training, done.base, scores[o], trials.on_progress
+                    case, trials.training, base, scores[o], trials.on_progress
                 ),
             )
             errors = trials.errors(case, rival.point) if rival else None

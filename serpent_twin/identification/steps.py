@@ -35,6 +35,7 @@ from serpent_twin.identification.pair_fits import pair_fits
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.relieved import relieved, strained
 from serpent_twin.identification.rival_fits import rival_fits
+from serpent_twin.identification.together import all_at_once, standing
 from serpent_twin.identification.tracer_fits import TracerFits
 from serpent_twin.identification.widened import far_off
 from serpent_twin.machines.machine import ParameterVector
@@ -155,7 +156,7 @@ class Tracer(TracerFits):
         weighed = self.case
         stage = f"with_{len(rounds)}_{'_'.join(names)}"
         polished = self._from_within(self._polish(found, stage), names[0], stage)
-        rounds[-1] = self._judged_again(rounds[-1], polished)
+        rounds[-1], polished = self._judged_again(rounds[-1], polished, stage)
         if rounds[-1].accepted:
             return polished
         self.case = weighed
@@ -173,8 +174,20 @@ class Tracer(TracerFits):
         """The fit with what explains the rest; named effects alone explain no more."""
         return base
 
-    def _judged_again(self, done: Round, polished: Fit) -> Round:
-        """A round after its accepted candidates were fitted again, which may reverse the acceptance."""
+    def _judged_again(self, done: Round, polished: Fit, stage: str) -> tuple[Round, Fit]:
+        """A round after its accepted candidates were fitted again, which may reverse the acceptance, of all
+        or of some of several that each must stand; and the fit of those that stay.
+        """
+        if self.case.adds_up:
+            scores = {name: done.trials[name].score for name in done.accepted}
+            several = standing(self.trials, self.case, polished, scores, stage)
+            undone = "" if several.names else _UNDONE
+            every = done.trials | several.trials
+            return replace(done, trials=every, accepted=several.names, undone=undone), several.fit
+        return self._still_accepted(done, polished), polished
+
+    def _still_accepted(self, done: Round, polished: Fit) -> Round:
+        """A round after what it accepted was fitted again, as a whole."""
         after, names = self.errors(polished.point), done.accepted
         trials = {name: done.trials[name] for name in names}
         if gave_up(done.errors, after):
@@ -214,6 +227,8 @@ class Tracer(TracerFits):
             if n not in base.point.effects and n not in self.case.unseen
         ]
         before, stage = self.errors(base.point), f"{number}_base"
+        if self.case.adds_up and neglected(self.case, base) < 1:
+            return all_at_once(self.trials, self.case, base, before, names, number)
         if neglected(self.case, base) >= 1:
             told = self.trials.each(names, self.case, base, base, before, stage, but=names)
             return Round(base, before, told, ())

@@ -95,6 +95,11 @@ class Case(Generic[P]):
         return self.machine.steps_of_derivative
 
     @property
+    def adds_up(self) -> bool:
+        """Whether what several effects change of the residual is the sum of what each does."""
+        return getattr(self.machine, "adds_up", False)
+
+    @property
     def channels(self) -> int:
         """Numbers that a residual has for each row of a log, C."""
         return len(self.machine.outputs)

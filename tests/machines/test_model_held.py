@@ -4,7 +4,7 @@ import held_models
 import mujoco
 import numpy as np
 import pytest
-from example import assert_named_alone, opened
+from example import Example, assert_named_alone, opened
 from held_models import EXAMPLE, TOML, motion, torques
 
 from serpent_twin.effects import ranges
@@ -57,6 +57,34 @@ def test_an_effect_needs_the_torque_that_it_says(arm, name, values, needs):
     assert np.abs(true).max() > 0.05
     known = np.isfinite(arm[1].measured)
     np.testing.assert_allclose(found[known], true[known], atol=2e-3 * np.abs(true).max())
+
+
+def test_a_coupled_drive_bears_upon_the_joint_before(arm):
+    """The motor's angle is that of the log, the elbow's is what the shoulder's leaves of it."""
+    known, of_motors = np.isfinite(arm[1].measured), [rows_of(arm, n) for n in range(3)]
+    found = shown(arm, "drive_coupling@elbow", 0.4)
+    joints = [(each @ [[1, -0.4], [0, 1]]).reshape(-1, 2) for each in of_motors]
+    true = (torques(*joints) @ [[1, 0], [-0.4, 1]]).reshape(found.shape)
+    np.testing.assert_allclose(found[known], true[known], atol=1e-3 * np.abs(true[known]).max())
+
+
+def test_friction_of_a_coupled_drive_follows_the_motor(arm):
+    """It holds the motor back, and so the elbow, and pushes the shoulder by none of it."""
+    case, pieces, at = arm
+    coupled = at.having("drive_coupling@elbow", np.array([0.4]))
+    rubs = coupled.having("hinge_friction@elbow", np.array([0.0, 0.1]))
+    both, alone = case.machine.respond([rubs, coupled], pieces)
+    true, known = 0.1 * rows_of(arm, 1)[..., 1], np.isfinite(pieces.measured[..., 1])
+    np.testing.assert_allclose((both - alone)[known, 1], true[known], atol=2e-4)
+    np.testing.assert_allclose((both - alone)[..., 0], 0.0, atol=1e-12)
+
+
+def test_the_first_joint_is_coupled_with_none(arm):
+    """Only the elbow has a joint before it."""
+    names = [name for name in arm[0].candidates if name.startswith("drive_coupling")]
+    assert names == ["drive_coupling@elbow"]
+    with pytest.raises(SerpentError, match="no joint is before this one"):
+        shown(arm, "drive_coupling@shoulder", 0.4)
 
 
 @pytest.mark.parametrize(
@@ -144,6 +172,30 @@ def heavier(q, v, a):
 def test_friction_is_named_with_its_size(tmp_path):
     found = EXAMPLE.traced(tmp_path, 3, more=friction)
     assert_named_alone(found, "hinge_friction@elbow", "coulomb", 0.1)
+
+
+def both_rub(q, v, a):
+    """Torque against friction of both motors [N m], (T, 2)."""
+    return 0.1 * np.sign(v) + 0.02 * v
+
+
+def test_all_that_is_missing_is_named_at_once(tmp_path):
+    """Friction of both joints and the coupling of a drive, none of which is all."""
+    few = TOML.replace("rows =", 'candidates = ["hinge_*", "drive_*", "joint_e*"]\nrows =', 1)
+    example = Example(EXAMPLE.mjcf, few, held_models.log)
+    found = example.traced(tmp_path, 3, more=both_rub, coupled=0.4, rows=1000)
+    named = {each["name"]: each["parameters"] for each in found["effects"]}
+    assert set(named) == {
+        "hinge_friction@shoulder", "hinge_friction@elbow", "drive_coupling@elbow"
+    }  # fmt: skip
+    for name, number, truth in (
+        ("hinge_friction@shoulder", "coulomb", 0.1),
+        ("hinge_friction@elbow", "coulomb", 0.1),
+        ("drive_coupling@elbow", "coefficient", 0.4),
+    ):
+        about = named[name][number]
+        assert about["low"] < truth < about["high"]
+        assert about["value"] == pytest.approx(truth, rel=0.1)
 
 
 @pytest.mark.slow

@@ -66,12 +66,16 @@ def motion(seed: int, rows: int = 2000):
     )
 
 
-def log(path: Path, seed: int, more=lambda q, v, a: 0.0, noise=0.01, step=1e-4, rows=2000) -> Path:
+def log(
+    path: Path, seed: int, more=lambda q, v, a: 0.0, noise=0.01, step=1e-4, rows=2000, coupled=0.0
+) -> Path:
     """Write angles in steps of an encoder [rad], and currents with noise [A], of a motion that needs `more`
-    torque (T, 2) than the model's.
+    torque (T, 2) than the model's. The elbow's motor turns with the shoulder as well if it is `coupled`.
     """
     q, v, a = motion(seed, rows)
-    tau = torques(q, v, a) + more(q, v, a)
+    tau = torques(q, v, a) @ [[1, 0], [-coupled, 1]]
+    q, v, a = (each @ [[1, coupled], [0, 1]] for each in (q, v, a))  # of the motors
+    tau += more(q, v, a)
     current = tau / [50 * 0.05, 30 * 0.04]
     current += noise * np.random.default_rng(seed).standard_normal(current.shape)
     read = step * np.round(q / step) if step else q

@@ -40,6 +40,7 @@ class LinearCase:
     segments: tuple = (99, 99)
     weak_rounds: int = 0
     steps_of_derivative: int = 10
+    adds_up: bool = False
     noise: np.ndarray = field(default_factory=lambda: np.ones(3))
     widened: dict = field(default_factory=dict)
 

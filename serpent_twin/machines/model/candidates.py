@@ -20,6 +20,7 @@ from serpent_twin.machines.model.candidates_in_motion import (
     weak,
 )
 from serpent_twin.machines.model.candidates_of_all import of_all
+from serpent_twin.machines.model.coupled import could_be_coupled
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import MOTION, DriveColumn
 from serpent_twin.machines.model.rubbing import rubbing
@@ -75,6 +76,8 @@ def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candida
         found += of_all(machine, [_placed(machine, each) for each in found])
         found += of_all(machine, found)
     elif machine.about.held:
+        coupled = could_be_coupled(machine.model, [*machine.efforts])
+        found += [candidate(f"drive_coupling@{name}") for name in coupled]
         found += laws_of_state(machine, training, of)
     else:
         found += rubbing(machine)

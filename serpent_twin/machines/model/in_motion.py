@@ -13,6 +13,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect
 from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
+from serpent_twin.machines.model.coupled import parted
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.drives import ToldBefore, controls
 from serpent_twin.machines.model.earlier import acting
@@ -77,16 +78,17 @@ class MovingTwin:
     def driven(self, pieces: Segments) -> DrivenRuns:
         """The models of its runs, which may state numbers of their own, and what drives them."""
         models: list[Any] = [None] * len(pieces)
-        for known, which in by_known_numbers(self.machine, pieces).items():
-            model = self.compiled(known)
+        for stated, which in by_known_numbers(self.machine, pieces).items():
+            model = self.compiled(stated)
             for n in which:
                 models[n] = model
+        known = self._known(pieces)
         return DrivenRuns(
             models,
             self._controls(pieces),
             switched_off(self.machine, pieces),
             pieces.period,
-            self._known(pieces),
+            known and parted(known, models),
         )
 
 

@@ -61,6 +61,11 @@ class ModelMachine(SimulatedModel):
         return _STEPS[self._along_one_motion]
 
     @property
+    def adds_up(self) -> bool:
+        """Whether nothing moves by what effects change, as where a motion is given and its torques follow."""
+        return self.described.about.held
+
+    @property
     def _along_one_motion(self) -> bool:
         """Whether derivatives follow from one motion, however right they are."""
         return self.described.about.rows == MOTION and len(self.coordinates) > MANY

@@ -9,6 +9,7 @@ from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import addresses, in_a_row
+from serpent_twin.machines.model.coupled import mixing
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import DriveColumn
 from serpent_twin.machines.model.known_motion import STANDING, KnownMotion
@@ -96,6 +97,8 @@ class Efforts:
     """[N m s/rad or N s/m], (n, E)"""
     torque: Array
     """Torques or forces of effects on the joints [N m or N], (n, E)"""
+    mixing: Array | None = None
+    """Rates of the drives by those of the joints, (n, E, E), if one moves with another's joint as well"""
 
     @classmethod
     def at(cls, models: Sequence[mujoco.MjModel], joints: Sequence[str]) -> "Efforts":
@@ -104,14 +107,18 @@ class Efforts:
         kept = [[model.joint(name).user[:3] for name in joints] for model in models]
         dry, viscous, own = np.moveaxis(np.reshape(kept, (len(models), len(dof), 3)), -1, 0)
         whole = np.array([model.dof_armature[dof] for model in models])
-        return cls(dof, whole - own, dry.copy(), viscous, np.zeros_like(dry))
+        by = mixing(models, joints)
+        return cls(dof, whole - own, dry.copy(), viscous, np.zeros_like(dry), by)
 
     def read(self, batch: Batch) -> Array:
         """Torques or forces [N m or N], (n, E); of dry friction, all in motion and nothing at rest."""
         fields = ("qfrc_applied", "qacc", "qvel")
         applied, acceleration, speed = (batch.bind(name)[:, self.dof] for name in fields)
-        against = self.dry * np.tanh(speed / STANDING) + self.viscous * speed
-        return applied - self.torque - self.inertia * acceleration + against
+        given = applied - self.torque - self.inertia * acceleration
+        if self.mixing is not None:
+            speed = np.einsum("nef,nf->ne", self.mixing, speed)
+            given = np.linalg.solve(self.mixing.swapaxes(1, 2), given[..., None])[..., 0]
+        return given + self.dry * np.tanh(speed / STANDING) + self.viscous * speed
 
 
 NO_EFFORTS = Efforts([], *np.zeros((4, 1, 0)))
