@@ -35,11 +35,11 @@ class Together:
     """Effects that were fitted together, and what each gains beside the others."""
 
     fit: Fit
-    """With those that stand"""
+    """Fit of those that stand"""
     trials: dict[str, CandidateTrial]
-    """Of each effect that was fitted, judged against the fit without it"""
+    """Each effect that was fitted, judged against the fit without it"""
     names: tuple[str, ...]
-    """Those that stand"""
+    """Names of those that stand"""
 
 
 def all_at_once(

@@ -23,7 +23,7 @@ def joint_before(model: mujoco.MjModel, name: str) -> str:
 
 
 def could_be_coupled(model: mujoco.MjModel, several: Sequence[str]) -> list[str]:
-    """Those of some hinges and slides whose joint before is one of them, of the same kind."""
+    """Joints among some hinges and slides whose joint before is one of them, of the same kind."""
     single = {model.joint(n).name for n in single_joints(model).tolist()}
     found = []
     for name in several:
