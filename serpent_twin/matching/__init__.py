@@ -12,10 +12,11 @@ from pathlib import Path
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import log_file, reading
-from serpent_twin.matching import logged, write
+from serpent_twin.machines.model.description import MOTION, TORQUES
+from serpent_twin.matching import by_torque, logged, write
 from serpent_twin.matching.decide import decide
 from serpent_twin.matching.matches import Matches
-from serpent_twin.matching.robot import Robot, load
+from serpent_twin.matching.robot import Robot, load, require_actuators
 from serpent_twin.matching.write import UNUSED, Decision
 from serpent_twin.numerals import listed
 from serpent_twin.runs.report import Table, text_table
@@ -96,10 +97,14 @@ def describe(robot: Path, logs: Sequence[Path]) -> Matched:
     """
     machine, log = load(robot), logged.read(logs)
     found = Matches(machine, log)
-    chosen = decide(found)
-    tables, left = list(write.entries(found, chosen)), list(write.unused(found))
+    tables = by_torque.match(found)
+    rows = TORQUES if tables else MOTION
+    if not tables:
+        require_actuators(machine)
+        tables = list(write.entries(found, decide(found)))
+    left = list(write.unused(found))
     model = f"{machine.path.stem}{_WITHOUT}" if machine.without_meshes else machine.path.name
-    page = write.page(model, log.clock, log.session, tables, left)
+    page = write.page(model, rows, log.clock, log.session, tables, left)
     whole = all(each.column for each in tables)
     refused = _refused(machine, page, logs) if whole else ""
     clock, mark = log.clock, "? " if log.clock.doubt else ""

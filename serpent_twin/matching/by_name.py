@@ -68,6 +68,21 @@ def efforts_as_commands(robot: Robot, named: Mapping[str, ColumnName]) -> NameMa
     return found
 
 
+def efforts(robot: Robot, named: Mapping[str, ColumnName]) -> NameMatches:
+    """The columns of the joints' torques or currents: measured ones first, then commanded ones."""
+    found = NameMatches()
+    several = [each for each in named.values() if each.quantity == EFFORT]
+    tiers = (
+        [c for c in several if c.direction != COMMAND and not c.is_current],
+        [c for c in several if c.direction != COMMAND],
+        several,
+    )
+    for tier in tiers:
+        if not found.column:
+            _match(tier, _moved(robot), found, alone=len(robot.joints) == 1)
+    return found
+
+
 def readings(robot: Robot, named: Mapping[str, ColumnName], taken: Collection[str]) -> NameMatches:
     """The columns of joints' positions; names that tell it come first."""
     found, things = NameMatches(), _joints(robot)
@@ -130,6 +145,14 @@ def _is_bare(name: ColumnName) -> bool:
 
 def _joints(robot: Robot) -> list[Thing]:
     return [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
+
+
+def _moved(robot: Robot) -> list[Thing]:
+    """Joints, which columns may also call by what moves them."""
+    return [
+        Thing(each.name, (each.name, *(a.name for a in robot.actuators if a.joint == each.name)))
+        for each in robot.joints
+    ]
 
 
 def _actuators(robot: Robot, kind: str = "") -> list[Thing]:

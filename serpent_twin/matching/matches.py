@@ -32,6 +32,8 @@ class Matches:
     """Columns of the readings, by joint"""
     commands: Assignment = field(default_factory=dict)
     """Columns of the commands, by actuator"""
+    efforts: Assignment = field(default_factory=dict)
+    """Columns of torques or currents that are measured, by joint"""
     why: dict[str, list[str]] = field(default_factory=dict)
     """Reasons for each match, by column"""
     doubts: dict[str, list[str]] = field(default_factory=dict)
@@ -74,7 +76,7 @@ class Matches:
     @property
     def taken(self) -> list[str]:
         """Columns that are matched by now."""
-        return [*self.readings.values(), *self.commands.values()]
+        return [*self.readings.values(), *self.commands.values(), *self.efforts.values()]
 
     def pool(self) -> list[str]:
         """Columns of which nothing told yet whose they are, but for those of something else."""

@@ -76,8 +76,6 @@ def load(path: Path) -> Robot:
     spec, model, notes = _compiled(path)
     _require_names(path, model)
     actuators = tuple(_actuators(model))
-    if not actuators:
-        raise SerpentError(_no_actuators(path, model))
     for each in actuators:
         if why := range_in_degrees(model, each.name):
             raise SerpentError(f"{path}: the actuator {why}")
@@ -174,6 +172,12 @@ def _require_names(path: Path, model: mujoco.MjModel) -> None:
         )
 
 
+def require_actuators(robot: Robot) -> None:
+    """Refuse a robot that no command can drive."""
+    if not robot.actuators:
+        raise SerpentError(_no_actuators(robot.path, robot.model))
+
+
 def _no_actuators(path: Path, model: mujoco.MjModel) -> str:
     joint = next((n for n in names(model, OBJECTS["joint"]) if n and not not_single(model, n)), "")
     if not joint:
@@ -187,7 +191,8 @@ def _no_actuators(path: Path, model: mujoco.MjModel) -> str:
         f"{path} has no actuators, so that no command can drive it: {save}add to it what drives each "
         f'joint, such as <actuator><position name="{joint}" joint="{joint}" kp="20" kv="1"/></actuator> '
         f'for a servo or <motor name="{joint}" joint="{joint}"/> for a torque. Or write a machine.toml '
-        "whose [[drive]] tables name joints, if their motion is prescribed and something else is measured."
+        "whose [[drive]] tables name joints, if their motion is prescribed and something else is measured. "
+        "Torques or currents of motors need no actuators where logs have them beside every joint's angle."
     )
 
 

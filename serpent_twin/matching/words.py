@@ -33,6 +33,7 @@ _EFFORTS = _words(
     "eff effort efforts tau torque torques current currents curr cur force forces load amp amps "
     "ampere iq trq pwm"
 )
+_CURRENTS = _words("current currents curr cur amp amps ampere iq")
 _OTHERS = _words(
     "temp temperature volt volts voltage battery bat batt counter count cnt loop seq sequence index idx "
     "frame error err status flag enable enabled cpu episode id mode power energy fault humidity pressure "
@@ -97,6 +98,13 @@ class ColumnName:
     numbers: tuple[int, ...]
     time: bool
     """Whether it may name a clock"""
+
+    @property
+    def is_current(self) -> bool:
+        """Whether it is a motor's current, by its unit or by its words."""
+        return self.unit == "A" or (
+            self.quantity == EFFORT and not self.unit and bool(_CURRENTS & {*self.words})
+        )
 
     @property
     def family(self) -> tuple[str, ...]:

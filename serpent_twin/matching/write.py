@@ -43,6 +43,8 @@ class Entry:
     doubts: Sequence[str]
     might: Sequence[str] = ()
     """Columns that it might be, where none was found"""
+    what: str = ""
+    """What it is, if neither a command nor a reading of a position"""
 
     def lines(self) -> list[str]:
         """Its lines; comments only, where no column was found."""
@@ -64,7 +66,8 @@ class Entry:
 
     def decision(self) -> Decision:
         """Decision that this entry states, for a reader."""
-        what = f"{'command' if self.kind == 'drive' else 'reading'} of {' '.join(self.of)}"
+        what = self.what or ("command" if self.kind == "drive" else "reading")
+        what = f"{what} of {' '.join(self.of)}"
         scale = "" if self.meaning.scale == 1 else f" × {self.meaning.scale:.4g}"
         sign = "+" if self.meaning.sign > 0 else "−"
         why = ("? " if self.doubts else "") + self.why
@@ -128,16 +131,23 @@ def unused(found: Matches) -> Iterator[Decision]:
 
 
 def page(
-    model: str, clock: TimeAxis, session: str, tables: Sequence[Entry], left: Sequence[Decision]
+    model: str,
+    rows: str,
+    clock: TimeAxis,
+    session: str,
+    tables: Sequence[Entry],
+    left: Sequence[Decision],
 ) -> str:
-    """A machine.toml: the model's file, the clock, the column that names runs, tables, and columns left."""
+    """A machine.toml: the model's file, the kind of rows, the clock, the column that names runs, tables, and
+    columns left.
+    """
     head = [
         "# Written by python -m serpent_twin.init by names, ranges and motion of columns: check it.",
         f"# What could not be decided is marked {UNDECIDED}.",
         "# docs/reference/machine-toml.md lists the keys.",
         "schema_version = 1",
         f"model = {text(model)}",
-        'rows = "motion"',
+        f"rows = {text(rows)}",
         f"# {clock.column}: {clock.why}",
         *([f"# {UNDECIDED}: {clock.doubt}"] if clock.doubt else []),
         f"time = {{ column = {text(clock.column)}, unit = {text(clock.unit)} }}",
