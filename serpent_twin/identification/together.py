@@ -25,9 +25,14 @@ from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
 
 _DERIVATIVES = 2
+_DIFFERENCE = 0.2
+"""Difference of a parameter, in its value or what is typical"""
+_OWN = 0.03
+"""Least size of a change's own part, of the whole, from which it is a direction of its own"""
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,7 @@ def all_at_once(
     stage = f"{number}_base"
     found = trials.placed(stage, case, base, trials.scores(stage, case, base, names))
     out = {name: CandidateTrial(score, None, None, before.marker) for name, score in found.items()}
-    sizes = chosen(case, base, found)
+    sizes = chosen(case, base, _spans(trials, case, base, found))
     if not sizes:
         return Round(base, before, out, ())
     trials.on_progress(f"round {number}: fitting {counted(len(sizes), 'effect')} together")
@@ -69,35 +74,79 @@ def all_at_once(
     return Round(base, before, out | several.trials, several.names)
 
 
-def chosen(case: Case[Any], base: Fit, scores: Mapping[str, Score]) -> dict[str, float]:
+def chosen(case: Case[Any], base: Fit, spans: Mapping[str, Array]) -> dict[str, float]:
     """Candidates that remove a share of what the ones before them leave, to first order, best first, with the
-    sizes of their variants together. A typical strength need not show: sizes follow from what is left.
+    sizes of the first of their changes. What each changes by all that it has is given, (k, N), beyond what
+    the base takes up.
     """
     known, flat = Information.of(case, base), base.residual.ravel().astype(float)
-    left = {n: s.beyond.astype(float) for n, s in scores.items() if not s.unstable}
     rest, remains = known.beyond(flat), known.left(flat)
-    sizes: dict[str, float] = {}
+    goal, left, sizes = (
+        rest,
+        {n: each.astype(float) for n, each in spans.items()},
+        dict[str, float](),
+    )
     while left:
-        along = {n: float(each @ each) for n, each in left.items()}
-        removed = {n: float(left[n] @ rest) ** 2 / max(along[n], 1e-30) for n in left}
+        ways = {n: _directions(each) for n, each in left.items()}
+        removed = {n: float(((each @ rest) ** 2).sum()) for n, each in ways.items()}
         best = max(removed, key=lambda n: removed[n])
         if not removed[best] > WORTH_A_FIT * remains:
             break
-        now = _sizes([scores[n].beyond for n in (*sizes, best)], known.beyond(flat))
+        now = _sizes([spans[n] for n in (*sizes, best)], goal)
         if _allowed(case.candidates[best], now[-1]):
-            sizes = dict(zip((*sizes, best), now.tolist(), strict=True))
-            unit = left[best] / np.sqrt(along[best])
-            rest = rest - (unit @ rest) * unit
+            sizes = dict(zip((*sizes, best), now, strict=True))
+            rest = rest - ways[best].T @ (ways[best] @ rest)
             remains -= removed[best]
-            left = {n: each - (unit @ each) * unit for n, each in left.items()}
+            left = {n: each - (each @ ways[best].T) @ ways[best] for n, each in left.items()}
         del left[best]
     return {n: size for n, size in sizes.items() if _allowed(case.candidates[n], size)}
 
 
-def _sizes(changes: Sequence[Array], residual: Array) -> Array:
-    """Sizes of changes together that leave least of a residual."""
-    columns = np.array(changes, float)
-    return -np.linalg.lstsq(columns @ columns.T, columns @ residual)[0]
+def _spans(
+    trials: Trials, case: Case[Any], base: Fit, scores: Mapping[str, Score]
+) -> dict[str, Array]:
+    """What candidates change of the residual beyond the base's free parameters, (k, N): the best variant, and
+    a difference of each fitted parameter from it, such as viscous friction beside dry friction.
+    """
+    points, of = list[ParameterVector](), list[str]()
+    tried = {n: each for n, each in scores.items() if not each.unstable and each.beyond.any()}
+    for name, score in tried.items():
+        point = base.point.having(name, score.tried)
+        for k, allowed in enumerate(case.candidates[name].ranges.values()):
+            if allowed.fitted:
+                step = allowed.step or _DIFFERENCE * max(abs(score.tried[k]), allowed.typical)
+                back = score.tried[k] + step > allowed.high
+                values = score.tried + (-step if back else step) * (
+                    np.arange(len(score.tried)) == k
+                )
+                points.append(point.having(name, values))
+                of.append(name)
+    some, known = case.take(trials.training, base.used), Information.of(case, base)
+    without, *shown = case.residual([base.point, *points], some)
+    found = {name: [score.beyond.astype(float)] for name, score in tried.items()}
+    for name, each in zip(of, shown, strict=True):
+        further = (each - without).ravel().astype(float) - scores[name].change
+        if np.isfinite(further).all():
+            found[name].append(known.beyond(further))
+    return {name: np.array(several) for name, several in found.items()}
+
+
+def _directions(changes: Array) -> Array:
+    """An orthonormal basis of changes, (k, N), without what is hardly one of its own."""
+    _, sizes, ways = np.linalg.svd(
+        changes / np.maximum(np.linalg.norm(changes, axis=1, keepdims=True), 1e-30),
+        full_matrices=False,
+    )
+    return np.asarray(ways[sizes > _OWN])
+
+
+def _sizes(spans: Sequence[Array], residual: Array) -> list[float]:
+    """Size of the first change of each span, where all together leave least of a residual."""
+    columns, firsts = np.concatenate(spans), np.cumsum([0, *(len(each) for each in spans[:-1])])
+    scale = np.maximum(np.linalg.norm(columns, axis=1), 1e-30)
+    unit = columns / scale[:, None]
+    found = -np.linalg.lstsq(unit @ unit.T, unit @ residual, rcond=_OWN**2)[0] / scale
+    return [float(found[n]) for n in firsts]
 
 
 def _allowed(candidate: Candidate, size: float) -> bool:

@@ -1,7 +1,5 @@
 """Test which effects are chosen together, where what they change adds up."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from linear_case import START, case, every
@@ -9,7 +7,6 @@ from linear_case import START, case, every
 from serpent_twin.effects import Range
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import fit
-from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.together import chosen
 from serpent_twin.machines.candidate import Candidate
 
@@ -17,8 +14,8 @@ ROWS = case(0.0).y.shape
 
 
 def fitted(changes, truth, low):
-    """The fit of two declared parameters to a residual that has true sizes of changes, with the scores of
-    candidates that make these; and which are chosen, with their sizes.
+    """Candidates that are chosen, with their sizes, where a residual has true sizes of changes beside two
+    declared parameters.
     """
     arm = case(0.0)
     for name, size in truth.items():
@@ -28,18 +25,13 @@ def fitted(changes, truth, low):
         known = {"size": Range("m", low, 10.0, 1.0)}
         arm.candidates[name] = Candidate(name, known, (np.array([1.0]),))
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, len(ROWS) * 99)
-    known = SimpleNamespace(**{"change": {n: each.ravel() for n, each in changes.items()}})
-    scores = {
-        name: Score(name, 0.0, 1.0, np.ones(1), False, change, _beyond(arm, change), np.ones(1))
-        for name, change in known.change.items()
-    }
-    return chosen(arm, base, scores)
+    return chosen(arm, base, {n: _beyond(arm, each.reshape(-1)) for n, each in changes.items()})
 
 
 def _beyond(arm, change):
-    """A change, (N,), less what the declared parameters can do."""
+    """A change, (N,), less what the declared parameters can do, as a span of one, (1, N)."""
     columns = arm.X.reshape(-1, 2)
-    return change - columns @ np.linalg.lstsq(columns, change)[0]
+    return (change - columns @ np.linalg.lstsq(columns, change)[0])[None]
 
 
 @pytest.fixture
@@ -67,3 +59,24 @@ def test_a_size_that_no_effect_can_have_is_not_chosen(drawn):
     truth = {"a": 0.5, "b": -0.4}
     assert list(fitted(drawn, truth, low=0.0)) == ["a"]
     assert list(fitted(drawn, truth, low=-10.0)) == ["a", "b"]
+
+
+def test_a_candidate_is_chosen_by_all_that_it_changes(drawn):
+    """Friction that is tried at one ratio of dry to viscous is dry alone; another has more in common with the
+    two at that ratio than it.
+    """
+    spans = {"rubs": np.array([drawn["a"] + 2 * drawn["b"], drawn["b"]]), "gear": drawn["d"][None]}
+    spans["gear"] = spans["gear"] + drawn["a"] * 1.2
+    arm = case(0.0)
+    arm.y[:] -= 0.5 * drawn["a"]
+    for name in spans:
+        arm.candidates[name] = Candidate(
+            name, {"size": Range("m", 0.0, 10.0, 1.0)}, (np.array([1.0]),)
+        )
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, len(ROWS) * 99)
+    flat = {n: each.reshape(len(each), -1) for n, each in spans.items()}
+    found = chosen(
+        arm, base, {n: np.vstack([_beyond(arm, k) for k in of]) for n, of in flat.items()}
+    )
+    assert list(found) == ["rubs"]
+    assert found["rubs"] == pytest.approx(0.5, abs=0.03)
