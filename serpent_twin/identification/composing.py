@@ -19,8 +19,9 @@ from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.moved import moved
 from serpent_twin.identification.neglected import neglected
-from serpent_twin.identification.proxies import needless
+from serpent_twin.identification.proxies import needless, shown_by
 from serpent_twin.identification.refitting import IDEALISED, RefittingTracer
+from serpent_twin.identification.together import one_by_one
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
 
@@ -127,8 +128,10 @@ class ComposingTracer(RefittingTracer):
             alone = not any(each.accepted for each in rounds[n + 1 :])
             if n < named and alone and self._unbeaten(done.errors, several):
                 continue
-            if better := self._instead(several, done, rounds, ways):
-                return better
+            stage = f"{len(rounds)}_alone_{n + 1}"
+            for one in one_by_one(self.trials, self.case, several, done, stage):
+                if better := self._instead(several, one, rounds, ways):
+                    return better
         return None
 
     def _composed(self, base: Fit, rounds: list[Round], most: int = _MOST) -> tuple[Fit, bool]:
@@ -226,7 +229,7 @@ class ComposingTracer(RefittingTracer):
         rounds.append(tried)
         if law := self._stands(rounds):
             law = self._anew(law, len(rounds))
-            score = tried.trials[tried.accepted[0]].score
+            score = shown_by(tried.trials[tried.accepted[0]].score, law, several)
             if len(law.point.effects) < len(several.point.effects):
                 stands = needless(self.trials, self.case, score, law, several)
             else:  # a name is kept unless the law is better

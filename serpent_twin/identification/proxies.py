@@ -1,7 +1,10 @@
 """Drop effects that stood for others."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from serpent_twin.identification.acceptance import Round, accepting, weakness
 from serpent_twin.identification.fitting.fitted import Fit
@@ -65,3 +68,12 @@ def needless(trials: Trials, case: Case[Any], score: Score, less: Fit, more: Fit
     if gave_up(after, before):
         return False
     return bool(weakness(gained(case, score, (less, more), (before, after))))
+
+
+def shown_by(score: Score, one: Fit, other: Fit) -> Score:
+    """A score whose change is all by which two fits differ, which may show in other sensors than its own."""
+    if one.used != other.used:
+        return score
+    shape = (len(one.used), -1, len(one.noise))
+    apart = one.residual.reshape(shape) * one.noise - other.residual.reshape(shape) * other.noise
+    return replace(score, change=(apart / one.noise).astype(np.float32).ravel())

@@ -8,7 +8,7 @@ backward elimination as in Draper and Smith, Applied Regression Analysis.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -184,9 +184,35 @@ def standing(
     return Together(joint, judged, tuple(names))
 
 
-def without(trials: Trials, case: Case[Any], found: Fit, name: str, stage: str) -> Fit:
-    """The fit without one effect, from the derivative of the fit with it."""
-    held = found.without([name])
+def one_by_one(trials: Trials, case: Case[Any], found: Fit, done: Round, stage: str) -> list[Round]:
+    """A round for each effect of one that accepted several, as if it were accepted last, and nothing after
+    it; the round itself, if it accepted one effect, or one pair where effects do not add up.
+    """
+    if not case.adds_up or len(done.accepted) == 1:
+        return [done]
+    later = [n for n in found.point.effects if n not in (*done.base.point.effects, *done.accepted)]
+    out = []
+    for name in done.accepted:
+        if name not in found.point.effects:
+            continue
+        base = without(trials, case, found, name, stage, later)
+        before = trials.errors(case, base.point)
+        score = trials.scores(f"{stage}_{name}", case, base, [name])[name]
+        alone = {name: replace(done.trials[name], score=score)}
+        out.append(Round(base, before, alone, (name,)))
+    return out
+
+
+def without(
+    trials: Trials,
+    case: Case[Any],
+    found: Fit,
+    name: str,
+    stage: str,
+    others: Sequence[str] = (),
+) -> Fit:
+    """The fit without one effect and some others, from the derivative of the fit with them."""
+    held = found.without([name, *others])
     return trials.notes.fit(
         f"{stage}_without_{name}_of_{len(found.free.effects)}",
         lambda: fit(

@@ -210,3 +210,25 @@ def test_a_heavier_tip_is_a_mass_that_is_fitted(tmp_path):
     assert found["effects"] == [] and not found["unexplained"]["is"]
     mass = found["calibration"]["mass of lower"]
     assert mass["low_kg"] <= 1.0 <= mass["high_kg"] < 1.01
+
+
+def within_a_window(q, v, a):
+    """Dry friction of the shoulder, and of the elbow while it is bent by −0.1 … 0.3 rad [N m], (T, 2)."""
+    bent = (q[:, 1] > -0.1) & (q[:, 1] < 0.3)
+    return np.c_[0.15 * np.sign(v[:, 0]), 0.2 * np.sign(v[:, 1]) * bent]
+
+
+@pytest.mark.slow
+def test_a_law_takes_the_place_of_one_of_several_names(tmp_path):
+    """Friction of the whole elbow imitates friction in a window until the law is found."""
+    found = EXAMPLE.traced(tmp_path, 3, more=within_a_window)
+    names = {each["name"]: each for each in found["effects"]}
+    assert {*names} == {"hinge_friction@shoulder", "discovered"}
+    law = names["discovered"]
+    assert (law["place"]["name"], law["changes"], law["law"]) == (
+        "elbow",
+        "joint_friction",
+        "within",
+    )
+    about = law["parameters"]["size"]
+    assert about["low"] < 0.2 < about["high"]
