@@ -76,8 +76,8 @@ def all_at_once(
 
 def chosen(case: Case[Any], base: Fit, spans: Mapping[str, Array]) -> dict[str, float]:
     """Candidates that remove a share of what the ones before them leave, to first order, best first, with the
-    sizes of the first of their changes. What each changes by all that it has is given, (k, N), beyond what
-    the base takes up.
+    sizes of the first of their changes: with all others together or, where that has a sign that it may not
+    have, alone. What each changes by all that it has is given, (k, N), beyond what the base takes up.
     """
     known, flat = Information.of(case, base), base.residual.ravel().astype(float)
     rest, remains = known.beyond(flat), known.left(flat)
@@ -92,14 +92,17 @@ def chosen(case: Case[Any], base: Fit, spans: Mapping[str, Array]) -> dict[str, 
         best = max(removed, key=lambda n: removed[n])
         if not removed[best] > WORTH_A_FIT * remains:
             break
-        now = _sizes([spans[n] for n in (*sizes, best)], goal)
-        if _allowed(case.candidates[best], now[-1]):
-            sizes = dict(zip((*sizes, best), now, strict=True))
+        (alone,) = _sizes([left[best][:1]], rest)
+        if _allowed(case.candidates[best], alone):
+            sizes[best] = alone
             rest = rest - ways[best].T @ (ways[best] @ rest)
             remains -= removed[best]
             left = {n: each - (each @ ways[best].T) @ ways[best] for n, each in left.items()}
         del left[best]
-    return {n: size for n, size in sizes.items() if _allowed(case.candidates[n], size)}
+    if not sizes:
+        return {}
+    together = zip(sizes, _sizes([spans[n] for n in sizes], goal), strict=True)
+    return sizes | {n: size for n, size in together if _allowed(case.candidates[n], size)}
 
 
 def _spans(

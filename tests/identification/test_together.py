@@ -61,6 +61,21 @@ def test_a_size_that_no_effect_can_have_is_not_chosen(drawn):
     assert list(fitted(drawn, truth, low=-10.0)) == ["a", "b"]
 
 
+def test_a_candidate_is_chosen_whose_first_change_is_not_there(drawn):
+    """Viscous friction without dry friction: the size with the others is nothing, of either sign."""
+    spans = {"rubs": np.array([drawn["a"] + 2 * drawn["b"], drawn["b"]])}
+    for size in (0.5, -0.5):
+        arm = case(0.0)
+        arm.y[:] -= size * drawn["b"]
+        known = {"size": Range("m", 0.0, 10.0, 1.0)}
+        arm.candidates["rubs"] = Candidate("rubs", known, (np.array([1.0]),))
+        base = fit(arm, every(), START, free_parameters(arm, ()), 2, len(ROWS) * 99)
+        beyond = np.vstack([_beyond(arm, each.ravel()) for each in spans["rubs"]])
+        found = chosen(arm, base, {"rubs": beyond})
+        assert (size > 0) == ("rubs" in found)
+        assert all(each > 0 for each in found.values())
+
+
 def test_a_candidate_is_chosen_by_all_that_it_changes(drawn):
     """Friction that is tried at one ratio of dry to viscous is dry alone; another has more in common with the
     two at that ratio than it.
