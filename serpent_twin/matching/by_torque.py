@@ -16,7 +16,7 @@ from serpent_twin.matching.matches import Matches
 from serpent_twin.matching.robot import FORCE
 from serpent_twin.matching.trials import Use
 from serpent_twin.matching.units import Meaning, is_of
-from serpent_twin.matching.words import COMMAND, EFFORT, POSITION, VELOCITY
+from serpent_twin.matching.words import COMMAND, EFFORT, POSITION, READING, VELOCITY
 from serpent_twin.matching.write import Entry
 from serpent_twin.tables.smoothing import cutoff, smoothed
 
@@ -35,7 +35,7 @@ class _Told:
     factor: float
     """Torque that the model needs over what is measured"""
     correlation: float
-    """Of both, beside friction and an offset"""
+    """Correlation of both, beside friction and an offset"""
 
 
 def match(found: Matches) -> list[Entry]:
@@ -49,9 +49,11 @@ def match(found: Matches) -> list[Entry]:
         return []
     efforts = by_name.efforts(robot, named)
     readings = by_name.readings(robot, named, [*efforts.column.values()])
-    passive = len(efforts.column) < len(robot.joints)  # joints swing there, and no motor says why
-    if not efforts.column or (motors and passive):
-        return []
+    several = [named[column] for column in efforts.column.values()]
+    if not several or (motors and not all(c.is_current or c.direction == READING for c in several)):
+        return []  # a motor's torque that may be what it was told
+    if motors and len(several) < len(robot.joints):
+        return []  # joints swing there by what the model says, and no motor says why
     if not len(readings.column) == len(robot.joints) == robot.model.njnt:
         return []
     motion = {joint: found.reading_of(joint, column) for joint, column in readings.column.items()}

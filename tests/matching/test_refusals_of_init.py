@@ -111,6 +111,7 @@ def test_without_commands_it_says_which_rows_are_possible(tmp_path):
     written(PAIR, tmp_path)
     for name in ("base", "shoulder"):
         renamed(tmp_path, f"cmd_{name}_servo", f"{name} humidity")
+        renamed(tmp_path, f"effort_{name}_servo", f"{name} temperature")
     with pytest.raises(SerpentError, match=r"no column is a command.*prescribed.*poses"):
         described(tmp_path)
 
