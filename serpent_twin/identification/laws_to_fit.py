@@ -65,8 +65,10 @@ def _of_each_change(several: Sequence[Score]) -> list[str]:
 
 
 def sensor_of(case: Case[Any], score: Score) -> NDArray[np.bool_] | None:
-    """The channels of the one sensor in which a composed law shows, as a mask (C,); None for others."""
-    if not case.candidates[score.name].composed:
+    """The channels of the one sensor in which a composed law shows, as a mask (C,); None for others. Where
+    each torque is measured by itself, effects that have a name show in one sensor as laws do.
+    """
+    if not (case.candidates[score.name].composed or case.adds_up):
         return None
     shown = (score.change.reshape(-1, case.channels).astype(float) ** 2).sum(axis=0)
     changed = shown > _BESIDE * shown.max()
