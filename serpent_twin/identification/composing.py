@@ -21,7 +21,7 @@ from serpent_twin.identification.moved import moved
 from serpent_twin.identification.neglected import neglected
 from serpent_twin.identification.proxies import needless, shown_by
 from serpent_twin.identification.refitting import IDEALISED, RefittingTracer
-from serpent_twin.identification.together import one_by_one
+from serpent_twin.identification.together import as_accepted, one_by_one
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
 
@@ -232,6 +232,8 @@ class ComposingTracer(RefittingTracer):
             score = shown_by(tried.trials[tried.accepted[0]].score, law, several)
             if len(law.point.effects) < len(several.point.effects):
                 stands = needless(self.trials, self.case, score, law, several)
+                if alone := as_accepted(self.trials, self.case, several, done, stage):
+                    stands = stands and self._beyond_a_name(done.errors, alone, law)
             else:  # a name is kept unless the law is better
                 stands = not needless(self.trials, self.case, score, several, law)
                 stands = stands and self._beyond_a_name(done.errors, several, law)

@@ -206,6 +206,18 @@ def one_by_one(trials: Trials, case: Case[Any], found: Fit, done: Round, stage: 
     return out
 
 
+def as_accepted(trials: Trials, case: Case[Any], found: Fit, done: Round, stage: str) -> Fit | None:
+    """The fit with what a round accepted and what was there before it, without what came after; None where
+    effects do not add up, or nothing came.
+    """
+    there = (*done.base.point.effects, *done.accepted)
+    later = [name for name in found.point.effects if name not in there]
+    if not case.adds_up or not later:
+        return None
+    case = replace(case, noise=found.noise)
+    return without(trials, case, found, later[0], f"{stage}_plain", later[1:])
+
+
 def without(
     trials: Trials,
     case: Case[Any],
