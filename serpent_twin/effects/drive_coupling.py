@@ -7,8 +7,8 @@ import mujoco
 from serpent_twin.effects.effect import WINDING, Effect, parameter
 from serpent_twin.errors import SerpentError
 
-COUPLED = "drive coupling of "
-"""Begins the name of a numeric field of MJCF that says of a joint by how much it is coupled"""
+COUPLED = "drive of "
+"""Begins the name of a tuple of MJCF with the joints that a joint's drive turns with, and by how much"""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class DriveCoupling(Effect):
     its own angle.
     Source: virtual work of a transmission whose matrix is triangular; Khalil and Dombre, Modeling,
     Identification and Control of Robots, 2002, on the coupled wrist. MJCF has no such drive: the model
-    states it in a numeric field.
+    states it in a tuple.
     """
 
     coefficient: float = parameter("1", low=-2.0, high=2.0, typical=0.5)
@@ -34,14 +34,19 @@ class DriveCoupling(Effect):
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """State the coupling."""
-        if before(spec, self.at) is None:
+        if (other := before(spec, self.at)) is None:
             raise SerpentError(
                 f"drive_coupling@{self.at}: no joint is before this one. Name one further out."
             )
-        spec.add_numeric(name=COUPLED + self.at, data=[self.coefficient])
+        spec.add_tuple(
+            name=COUPLED + self.at,
+            objtype=[mujoco.mjtObj.mjOBJ_JOINT] * 2,
+            objname=[self.at, other],
+            objprm=[1.0, self.coefficient],
+        )
 
     def export(self, spec: mujoco.MjSpec) -> bool:
-        """Nothing of MuJoCo's follows from the numeric field."""
+        """Nothing of MuJoCo's follows from the tuple."""
         return False
 
 

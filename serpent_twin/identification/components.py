@@ -7,12 +7,11 @@ of that.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from serpent_twin.identification.acceptance import Round, accepting, weakness
 from serpent_twin.identification.fitting.fitted import NORMAL_95, Fit
-from serpent_twin.identification.fitting.free_parameters import FreeParameters
-from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Gain, gave_up
 from serpent_twin.identification.left_out import chance_of_selection
@@ -78,20 +77,8 @@ def _without(trials: Trials, case: Case[Any], found: Fit, name: str, k: int) -> 
     values[k] = max(0.0, allowed.least)
     n = found.free.effects.index((name, k)) + len(found.free.declared)
     held = found.only([m for m in range(len(found.free)) if m != n])
-    rest = tuple(each for each in found.free.effects if each != (name, k))
-    return trials.notes.fit(
-        f"component_{name}_{k}_of_{len(found.free.effects)}",
-        lambda: fit(
-            case,
-            trials.training,
-            found.point.having(name, values),
-            FreeParameters(found.free.declared, rest),
-            0,
-            len(found.used),
-            trials.on_progress,
-            carried=held,
-        ),
-    )
+    held = replace(held, point=found.point.having(name, values))
+    return trials.further(case, held, f"component_{name}_{k}_of_{len(found.free.effects)}", 0)
 
 
 def _gain(trials: Trials, case: Case[Any], score: Score, less: Fit, more: Fit) -> Gain | None:

@@ -230,14 +230,13 @@ class ComposingTracer(RefittingTracer):
         if law := self._stands(rounds):
             law = self._anew(law, len(rounds))
             score = shown_by(tried.trials[tried.accepted[0]].score, law, several)
+            named: Fit | None = several  # a name is kept unless the law is better
             if len(law.point.effects) < len(several.point.effects):
                 stands = needless(self.trials, self.case, score, law, several)
-                if alone := as_accepted(self.trials, self.case, several, done, stage):
-                    stands = stands and self._beyond_a_name(done.errors, alone, law)
-            else:  # a name is kept unless the law is better
+                named = as_accepted(self.trials, self.case, several, done, stage)
+            else:
                 stands = not needless(self.trials, self.case, score, several, law)
-                stands = stands and self._beyond_a_name(done.errors, several, law)
-            if stands:
+            if stands and (named is None or self._beyond_a_name(done.errors, named, law)):
                 return law
         rounds[-1] = replace(rounds[-1], accepted=(), undone=rounds[-1].undone or _IN_PLACE)
         self.case = replace(self.case, noise=done.base.noise)

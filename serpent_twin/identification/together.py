@@ -81,11 +81,8 @@ def chosen(case: Case[Any], base: Fit, spans: Mapping[str, Array]) -> dict[str, 
     """
     known, flat = Information.of(case, base), base.residual.ravel().astype(float)
     rest, remains = known.beyond(flat), known.left(flat)
-    goal, left, sizes = (
-        rest,
-        {n: each.astype(float) for n, each in spans.items()},
-        dict[str, float](),
-    )
+    goal, sizes = rest, dict[str, float]()
+    left = {n: each.astype(float) for n, each in spans.items()}
     while left:
         ways = {n: _directions(each) for n, each in left.items()}
         removed = {n: float(((each @ rest) ** 2).sum()) for n, each in ways.items()}
@@ -228,16 +225,4 @@ def without(
 ) -> Fit:
     """The fit without one effect and some others, from the derivative of the fit with them."""
     held = found.without([name, *others])
-    return trials.notes.fit(
-        f"{stage}_without_{name}_of_{len(found.free.effects)}",
-        lambda: fit(
-            case,
-            trials.training,
-            held.point,
-            held.free,
-            0,
-            len(found.used),
-            trials.on_progress,
-            carried=held,
-        ),
-    )
+    return trials.further(case, held, f"{stage}_without_{name}_of_{len(found.free.effects)}", 0)

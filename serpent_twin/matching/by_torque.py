@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.machines.model.known_motion import STANDING
 from serpent_twin.matching import by_name
 from serpent_twin.matching.matches import Matches
 from serpent_twin.matching.robot import FORCE
@@ -21,11 +22,9 @@ from serpent_twin.matching.write import Entry
 from serpent_twin.tables.smoothing import cutoff, smoothed
 
 _TELLS = 0.5
-"""Correlation beside friction of what is measured and what the model needs, from which that tells the sign"""
+"""Least correlation, beside friction, of a measured torque and the model's, by which its sign is told"""
 _AS_IT_IS = 2.0
 """Factor within which a torque is that of the joint: a model may be so much too light"""
-_STANDING = 0.0167
-"""Speed about which dry friction turns from one side to the other [rad/s or m/s]"""
 
 
 @dataclass(frozen=True)
@@ -51,14 +50,14 @@ def match(found: Matches) -> list[Entry]:
     readings = by_name.readings(robot, named, [*efforts.column.values()])
     several = [named[column] for column in efforts.column.values()]
     if not several or (motors and not all(c.is_current or c.direction == READING for c in several)):
-        return []  # a motor's torque that may be what it was told
+        return []  # it may be what the motor was told
     if motors and len(several) < len(robot.joints):
-        return []  # joints swing there by what the model says, and no motor says why
+        return []  # some joints swing freely: their motion is simulated
     if not len(readings.column) == len(robot.joints) == robot.model.njnt:
         return []
-    motion = {joint: found.reading_of(joint, column) for joint, column in readings.column.items()}
-    known = {joint: use for joint, use in motion.items() if use}
-    if len(known) < len(motion):
+    columns = readings.column.items()
+    known = {j: use for j, column in columns if (use := found.reading_of(j, column))}
+    if len(known) < len(columns):
         return []
     found.add(found.readings, readings)
     found.add(found.efforts, efforts)
@@ -87,7 +86,7 @@ def _torques(found: Matches, motion: Mapping[str, Use]) -> Iterator[Entry]:
         tells = abs(needs.correlation) > _TELLS
         sign, scale, doubts = -1 if tells and factor < 0 else 1, 1.0, list[str]()
         if not tells:
-            found.say(column, "the model needs too little torque there to tell its sign")
+            found.say(column, "its sign is not told: the model needs little torque there")
         elif 1 / _AS_IT_IS < abs(factor) < _AS_IT_IS and not name.is_current:
             found.say(column, f"the model needs {abs(factor):.2g} times as much")
         else:
@@ -148,7 +147,7 @@ def _needed(
 
 def _beside_friction(need: Array, rate: Array, measured: Array) -> _Told:
     """What a needed torque and a measured one have in common, (T,) each, beside friction and an offset."""
-    others = np.stack([np.ones_like(rate), rate, np.tanh(rate / _STANDING)], axis=1)
+    others = np.stack([np.ones_like(rate), rate, np.tanh(rate / STANDING)], axis=1)
 
     def left(values: Array) -> Array:
         return np.asarray(values - others @ np.linalg.lstsq(others, values)[0])

@@ -63,7 +63,7 @@ def _require_some(found: Matches) -> None:
             f"{logs}: no column is a command of {actuators}: the columns are {there}.{told} Without "
             'commands, rows = "motion" needs [[drive]] tables that name joints, whose motion is then '
             'prescribed, and something else that is measured, such as a force; rows = "poses" needs what '
-            'actuators were told in each pose; rows = "torque" needs the angle of each joint, and torques or '
+            'actuators were told in each pose; rows = "torque" needs every joint\'s angle, and torques or '
             "currents. Log one of these, or name its column in a machine.toml of your own."
         )
     if found.commands:

@@ -1,6 +1,7 @@
 """Test that of an effect with several strengths only those are stated as found that logs determine."""
 
 from dataclasses import dataclass, field
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.least_squares import fit
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.score_test import scores
+from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.candidate import Candidate
 
 TILT = "tilt"
@@ -65,6 +67,7 @@ def tilted(y, z):
         on_progress=lambda _: None,
         errors=errors,
     )
+    trials.further = partial(Trials.further, trials)
     rounds = [SimpleNamespace(accepted=(TILT,), trials={TILT: SimpleNamespace(score=score)})]
     left, bounds = without_undetermined(trials, arm, found, rounds)
     assert len(made) == len(set(made))

@@ -76,8 +76,7 @@ def candidates(machine: Described, training: Sequence[Log]) -> dict[str, Candida
         found += of_all(machine, [_placed(machine, each) for each in found])
         found += of_all(machine, found)
     elif machine.about.held:
-        coupled = could_be_coupled(machine.model, [*machine.efforts])
-        found += [candidate(f"drive_coupling@{name}") for name in coupled]
+        found += [candidate(f"drive_coupling@{name}") for name in could_be_coupled(machine)]
         found += laws_of_state(machine, training, of)
     else:
         found += rubbing(machine)

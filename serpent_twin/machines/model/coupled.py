@@ -4,62 +4,50 @@ With the drives' rates B q̇ of joint rates q̇, joints move by B⁻¹ times wha
 give B⁻ᵀ times the joints' torques: virtual work.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.drive_coupling import COUPLED
+from serpent_twin.effects.drive_coupling import COUPLED, before
+from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.known_motion import KnownMotion
-from serpent_twin.machines.model.springs import single_joints
 
 
-def joint_before(model: mujoco.MjModel, name: str) -> str:
-    """Name of the joint before one, towards the base; nothing if there is none."""
-    dof = int(model.dof_parentid[model.joint(name).dofadr[0]])
-    return "" if dof < 0 else str(model.joint(int(model.dof_jntid[dof])).name)
-
-
-def could_be_coupled(model: mujoco.MjModel, several: Sequence[str]) -> list[str]:
-    """Joints among some hinges and slides whose joint before is one of them, of the same kind."""
-    single = {model.joint(n).name for n in single_joints(model).tolist()}
+def could_be_coupled(machine: Described) -> list[str]:
+    """Joints whose torque is measured, as that of the joint before, which is of the same kind."""
+    model, measured = machine.model, {*machine.efforts}
     found = []
-    for name in several:
-        other = joint_before(model, name)
-        if {name, other} <= single & {*several}:
-            alike = model.joint(name).type == model.joint(other).type
-            found += [name] if alike else []
+    for name in machine.efforts:
+        other = before(machine.spec, name)
+        if other in measured and model.joint(name).type == model.joint(other).type:
+            found.append(name)
     return found
-
-
-def _stated(model: mujoco.MjModel) -> Mapping[str, float]:
-    """How much each joint's drive moves with the joint before it, as a model states it."""
-    names = [model.numeric(n).name for n in range(model.nnumeric)]
-    return {
-        name.removeprefix(COUPLED): float(model.numeric(name).data[0])
-        for name in names
-        if name.startswith(COUPLED)
-    }
 
 
 def mixing(models: Sequence[mujoco.MjModel], names: Sequence[str]) -> Array | None:
     """Rates of drives by those of their joints, B, (n, P, P), in runs of some models; None where each drive
     moves its joint alone.
     """
-    known = {id(model): model for model in models}
-    stated = {key: _stated(model) for key, model in known.items()}
-    if not any(stated.values()):
+    of = {id(model): _rates(model, names) for model in models}
+    if all((each == np.eye(len(names))).all() for each in of.values()):
         return None
-    of = {}
-    for key, model in known.items():
-        of[key] = np.eye(len(names))
-        for name, by in stated[key].items():
-            other = joint_before(model, name)
-            if name in names and other in names:
-                of[key][names.index(name), names.index(other)] = by
     return np.array([of[id(model)] for model in models])
+
+
+def _rates(model: mujoco.MjModel, names: Sequence[str]) -> Array:
+    """B of one model, (P, P)."""
+    found = np.eye(len(names))
+    for n in range(model.ntuple):
+        if model.tuple(n).name.startswith(COUPLED):
+            which = slice(model.tuple_adr[n], model.tuple_adr[n] + model.tuple_size[n])
+            drive, *joints = (model.joint(k).name for k in model.tuple_objid[which].tolist())
+            for other, by in zip(joints, model.tuple_objprm[which][1:], strict=True):
+                if drive in names and other in names:
+                    found[names.index(drive), names.index(other)] = by
+    return found
 
 
 def parted(known: KnownMotion, models: Sequence[mujoco.MjModel]) -> KnownMotion:
