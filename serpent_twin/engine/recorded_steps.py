@@ -6,6 +6,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.acted_fields import ACTED_FIELDS
 
 _INSTANT = ("act", "ctrl", "history", "time")
 
@@ -20,7 +21,8 @@ class RecordedSteps:
         n, nv, self._count = batch.nsim, batch.model.nv, 0
         self._state = [batch.bind("qpos"), batch.bind("qvel")]
         self._outcome = batch.bind("qacc"), batch.bind("ten_length")
-        self._more = [*(batch.bind(name) for name in _INSTANT), batch.expand("eq_data")]
+        self._more = [batch.bind(name) for name in _INSTANT]
+        self._fields = {name: batch.expand(name) for name in ACTED_FIELDS}
         self._per_row, self.part = per_row, np.arange(per_row) * parts // per_row
         """The part of a row to which each step belongs, (K,)"""
         self.middle = np.searchsorted(self.part, np.arange(parts)) + per_row // parts // 2
@@ -29,9 +31,13 @@ class RecordedSteps:
         self.length = np.zeros((n, rows, per_row, batch.model.ntendon))
         """Lengths of the tendons [m or rad], (n, rows, K, ntendon)"""
         of = [each.reshape(n, -1).shape[1] for each in self._more]
-        self.act, self.ctrl, self.history, self.time, self.equality = (
+        self.act, self.ctrl, self.history, self.time = (
             np.zeros((n, rows, parts, size)) for size in of
         )
+        self.fields = {
+            name: np.zeros((n, rows, parts, *of.shape[1:])) for name, of in self._fields.items()
+        }
+        """Fields of the models that change from step to step, (n, rows, P, …) each"""
 
     def begin(self) -> None:
         """Note the runs before a time step."""
@@ -39,9 +45,11 @@ class RecordedSteps:
         self.position[:, t, k], self.velocity[:, t, k] = self._state
         part = self.part[k]
         if k == self.middle[part]:
-            kept: Sequence[Array] = self.act, self.ctrl, self.history, self.time, self.equality
+            kept: Sequence[Array] = self.act, self.ctrl, self.history, self.time
             for of, field in zip(kept, self._more, strict=True):
                 of[:, t, part] = field.reshape(len(of), -1)
+            for name, field in self._fields.items():
+                self.fields[name][:, t, part] = field
 
     def end(self) -> None:
         """Note what the time step did."""

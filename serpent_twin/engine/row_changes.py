@@ -107,7 +107,7 @@ def _instants(
             ctrl=steps.ctrl[s, t, p],
             history=steps.history[s, t, p],
             time=steps.time[s, t, p, 0],
-            equality=steps.equality[s, t, p],
+            fields={name: of[s, t, p] for name, of in steps.fields.items()},
             free=free,
             off=int(off[s, t]),
             sprung=[of[s] for of in sprung],

@@ -1,6 +1,6 @@
 """Differentiate a model's smooth dynamics, that is without dry friction, at instants of a motion."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.acted_fields import elsewhere
 
 _NUDGE = 1e-6
 """Differences of states, for derivatives of inverse dynamics"""
@@ -68,8 +69,8 @@ class LinearisedInstant:
     ctrl: Array
     history: Array
     time: float
-    equality: Array
-    """Data of equality constraints, which a prescribed motion changes"""
+    fields: Mapping[str, Array]
+    """Fields of the model as they are at that instant, where a motion or effects change them"""
     free: Sequence[int]
     """Degrees of freedom by which dynamics are differentiated"""
     off: int = 0
@@ -100,7 +101,8 @@ def _differentiate(
     for name in ("qpos", "qvel", "qacc", "act", "ctrl", "history"):
         getattr(data, name)[:] = getattr(at, name)
     data.time, model.opt.timestep = at.time, at.timestep
-    model.eq_data[:] = at.equality.reshape(model.eq_data.shape)
+    for name, now in at.fields.items():
+        getattr(model, name)[:] = now.reshape(getattr(model, name).shape)
     off, flags = model.opt.disableactuator, model.opt.disableflags
     model.opt.disableactuator = off | at.off
     model.opt.disableflags = flags | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -117,7 +119,7 @@ def _differentiate(
     implicit = _implicit(model, data, arms)
     model.opt.disableactuator = off
     act, control = np.split(driven, [model.na], axis=1)
-    passive = _passive(model, data, at.sprung)
+    passive = _passive(model, data, at)
     return [mass, held, by_q + sprung, by_v + damped, implicit, act, control, rates, arms, passive]
 
 
@@ -149,12 +151,18 @@ def _of_inverse(
     return out[0], out[1]
 
 
-def _passive(model: mujoco.MjModel, data: mujoco.MjData, others: Sequence[mujoco.MjModel]) -> Array:
+def _passive(model: mujoco.MjModel, data: mujoco.MjData, at: LinearisedInstant) -> Array:
     """Passive forces of other models in the same state beyond those of a model, (L, n)."""
-    out = np.empty((len(others), model.nv))
+    out = np.empty((len(at.sprung), model.nv))
     own, force = data.qfrc_passive.copy(), data.qfrc_passive
-    for q, other in enumerate(others):
+    for q, other in enumerate(at.sprung):
+        theirs = {name: getattr(other, name).copy() for name in at.fields}
+        for name, field in theirs.items():
+            now, ours = at.fields[name].reshape(field.shape), getattr(at.model, name)
+            getattr(other, name)[:] = elsewhere(name, now, ours, field)
         mujoco.mj_passive(other, data)
+        for name, field in theirs.items():
+            getattr(other, name)[:] = field
         out[q] = force - own
     return out
 

@@ -106,7 +106,24 @@ def logged(module, folder):
 
 @pytest.mark.parametrize("module", [moving_models, pulled_lever, swinging_models])
 def test_derivatives_along_a_motion_are_those_of_simulations(module, tmp_path):
-    case, pieces, point = logged(module, tmp_path)
+    agree_with_simulations(*logged(module, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("stiffness_drift@cable", [200.0, 0.0, -1.0]),
+        ("stiffness_drift@pivot", [200.0, 0.0, -1.0]),
+    ],
+)
+def test_derivatives_are_of_springs_as_effects_have_made_them(effect, values, tmp_path):
+    """A cable or spring that has lost its stiffness, or its length, by the end of the log."""
+    case, pieces, point = logged(pulled_lever, tmp_path)
+    agree_with_simulations(case, pieces, point.having(effect, np.array(values)))
+
+
+def agree_with_simulations(case, pieces, point):
+    """Derivatives along the motion of a point beside differences of simulations."""
     machine, declared = case.machine, case.declared
     steps = np.diag([each.step for each in declared])
     stepped = partial(machine._stepped, point)
@@ -162,9 +179,10 @@ def test_variants_of_runs_are_put_where_each_run_is():
     model = mujoco.MjModel.from_xml_string(SLIDE.format(joint="", more=held))
     driven = DrivenRuns([model] * 2, np.zeros((2, 3, 0)), np.zeros((2, 3), np.int32), np.ones(2))
     runs = Variants(driven, [model] * 6, np.array([DT, DT]))
-    length = np.zeros((2, 1, 11))
+    length = np.zeros((2, 1, 12))
     length[:, 0, 0] = 0.1, 0.2
     pose = np.array([[1.0], [2.0]]) + np.array([0.0, 0.1, 0.2])[:, None, None]
-    runs.put(1, eq_data=length, qpos=pose)
+    runs.put(1, qpos=pose)
+    runs.act({"eq_data": np.repeat(length[:, None], 3, axis=1)}, (1,))
     assert runs.batch.expand("eq_data")[:, 0, 0].tolist() == [0.1, 0.2] * 3
     assert runs.apart(runs.batch.bind("qpos")) == pytest.approx(pose)

@@ -1,12 +1,13 @@
 """Run a model through the rows of a log, from where the log begins."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.acted_fields import ACTED_FIELDS, varying
 from serpent_twin.engine.recorded_steps import RecordedSteps
 from serpent_twin.machines.model.seen import Seen, segments_of
 from serpent_twin.machines.model.starts import SegmentStart
@@ -65,15 +66,19 @@ class DrivenMotion:
         runs = self._begun()
         batch, count = runs.batch, self.driven.rows - 1
         fields = [batch.bind(name) for name in ("qpos", "qvel", "act", "qfrc_applied")]
-        fields.append(batch.expand("eq_data"))
+        fields += [batch.expand(name) for name in ACTED_FIELDS]
         parts = min(_PARTS, max(1, ceil(float(self.driven.period.max()) / _PART)))
         steps = runs.record(count, parts)
         rows = [[field.copy() for field in fields]]
         rows += [[field.copy() for field in fields] for _ in runs.rows(count)]
-        pose, rate, activation, applied, equality = (
+        pose, rate, activation, applied, *acted = (
             np.stack(of, axis=1) for of in zip(*rows, strict=True)
         )
-        return RowStates(pose, rate, activation, applied, equality, runs.step, runs.nstep, steps)
+        models, several = self.driven.models, dict(zip(ACTED_FIELDS, acted, strict=True))
+        steps.fields = varying(steps.fields, models)
+        return RowStates(
+            pose, rate, activation, applied, varying(several, models), runs.step, runs.nstep, steps
+        )
 
     def _begun(self) -> SteppedRuns:
         runs = SteppedRuns(self.driven, self.seen, self.steps, self.acting)
@@ -96,8 +101,8 @@ class RowStates:
     """(n, T, na)"""
     applied: Array
     """Forces on degrees of freedom that a prescribed motion and effects take, (n, T, nv)"""
-    equality: Array
-    """Data of equality constraints, (n, T, …)"""
+    fields: Mapping[str, Array]
+    """Fields of the models that change from step to step, as they are in the rows, (n, T, …) each"""
     step: Array
     """Time steps [s], (n,)"""
     nstep: int

@@ -96,6 +96,7 @@ def _torques(
             history=steps.history[:, t, p],
             qfrc_applied=np.zeros((S, nv)),
         )
+        runs.act(steps.fields, (t, p))
         runs.batch.forward(ids=np.arange(S))
         lacks = steps.acceleration[:, t, k] - found[:S]
         runs.put(t, qfrc_applied=(inertia @ lacks[..., None])[..., 0])

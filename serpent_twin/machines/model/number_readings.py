@@ -81,8 +81,8 @@ def _differences(
             act=states.activation[:, t],
             ctrl=told[:, :, t * parts],
             qfrc_applied=states.applied[:, t],
-            eq_data=states.equality[:, t],
         )
+        runs.act(states.fields, (t,))
         runs.batch.forward(stage=seen.stage)
         shown = runs.apart(seen.read(runs.batch))
         found.append(shown[1:] - shown[0])

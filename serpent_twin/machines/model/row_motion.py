@@ -22,6 +22,7 @@ _LEAST = 1e-5
 """Least of them [rad, m, rad/s, m/s]"""
 _GENTLE = 0.1
 """Differences of forces on bodies, of all that these carry [m/s²]"""
+_REST = "tendon_lengthspring"
 _SPRINGS_SHOW = 0, 3
 """What shows, of states, forces, commands, slack and pushes, where nothing measured depends on forces: a
 tendon's pull follows from its length
@@ -197,7 +198,9 @@ class _Changed:
         batch = self._runs.batch
         seen.bind(batch, models)
         if slack.any():
-            batch.expand("tendon_lengthspring")[...] += slack[:, 0].repeat(runs, 0)[..., None]
+            longer = slack[:, 0].repeat(runs, 0)[..., None]
+            for rest in (batch.expand(_REST), self._runs.own[_REST]):
+                rest += longer
         if len(bodies := [*which[4]]):
             pushed = parts[4].reshape(-1, len(bodies), 3).repeat(runs, axis=0)
             batch.bind("xfrc_applied")[:, bodies, :3] = pushed
@@ -213,8 +216,8 @@ class _Changed:
             act=states.activation[:, t] + activation,
             ctrl=told[:, t * (told.shape[1] // self._driven.rows)] + self._told,
             qfrc_applied=states.applied[:, t] + self._force,
-            eq_data=states.equality[:, t],
         )
+        self._runs.act(states.fields, (t,))
         self._runs.batch.forward(stage=self._seen.stage)
         return self._runs.apart(self._seen.read(self._runs.batch))
 

@@ -1,11 +1,12 @@
 """Put runs, and variants of them, side by side into the states of a motion's rows."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.engine.acted_fields import ACTED_FIELDS, elsewhere
 from serpent_twin.engine.stepper import set_timestep, side_by_side
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.switches import Switches
@@ -20,6 +21,8 @@ class Variants:
         self.batch, self._runs = side_by_side(models, threads()), len(driven.models)
         self._k = len(models) // self._runs
         set_timestep(self.batch, np.tile(step, self._k))
+        self.own = {name: self.batch.expand(name).copy() for name in ACTED_FIELDS}
+        """Fields of the models that change from step to step, as they are without, (k S, …) each"""
         off = np.tile(driven.off, (self._k, 1))
         self._switches = Switches(self.batch, off) if off.any() else None
 
@@ -28,11 +31,20 @@ class Variants:
         more entries, its first ones.
         """
         for name, value in state.items():
-            field = self.batch.expand(name) if name == "eq_data" else self.batch.bind(name)
+            field = self.batch.bind(name)
             whole = np.broadcast_to(value, (self._k, self._runs, *value.shape[1 - field.ndim :]))
             field[..., : value.shape[-1]] = whole.reshape(len(field), *whole.shape[2:])
         if self._switches:
             self._switches.turn(row)
+
+    def act(self, fields: Mapping[str, Array], at: tuple[int, ...]) -> None:
+        """Write fields as a motion or effects changed them of the first variant's runs, (S, …, *field) each,
+        at a row, or a part of one, in all variants.
+        """
+        for name, of in fields.items():
+            own, now = self.apart(self.own[name]), of[:, *at]
+            here = elsewhere(name, now, own[0], own)
+            self.batch.expand(name)[...] = here.reshape(self.own[name].shape)
 
     def apart(self, values: Array) -> Array:
         """Values of all runs, (k S, …), by variants, (k, S, …)."""
