@@ -9,7 +9,12 @@ from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import field
 
 _SHIFTED: tuple[str, ...] = "eq_data", "tendon_lengthspring", "qpos_spring"
-_SCALED: tuple[str, ...] = "tendon_stiffness", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm"
+_SCALED: tuple[str, ...] = (
+    "tendon_stiffness",
+    "jnt_stiffness",
+    "actuator_gainprm",
+    "actuator_biasprm",
+)
 ACTED_FIELDS: tuple[str, ...] = (*_SHIFTED, *_SCALED)
 """Fields that a prescribed motion changes, and effects that let springs lengthen and soften"""
 

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import butter, sosfiltfilt, welch
 
 from serpent_twin.arrays import Array
@@ -67,6 +69,14 @@ def smoothed(angle: Array, period: float, cutoffs: Sequence[float]) -> SmoothedM
     edge = round(_EDGE / (min(cutoffs) * period))
     angle, rate, change = (np.stack(each, axis=1) for each in zip(*found, strict=True))
     return SmoothedMotion(angle, rate, change, edge)
+
+
+def near_reversals(rate: Array, slow: float, rows: int) -> NDArray[np.bool_]:
+    """Rows, (T,), within so many of which a rate is both above a slow one and below its negative."""
+    size = 2 * rows + 1
+    up, down = maximum_filter1d(rate, size), minimum_filter1d(rate, size)
+    reverses: NDArray[np.bool_] = (up > slow) & (down < -slow)
+    return reverses
 
 
 def _one(angle: Array, period: float, hz: float) -> tuple[Array, Array, Array]:

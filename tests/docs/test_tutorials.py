@@ -28,12 +28,6 @@ LACKS = {
 """Name of each tutorial's machine, and the effects that a trace finds, with a parameter and its true value"""
 
 
-OFF = dict.fromkeys(LACKS, 0.0) | {"torques": 0.02}
-"""Share by which a parameter may lie beyond its interval: filtered accelerations are rounded where friction
-changes sides, and tutorials say so
-"""
-
-
 def page(name):
     return (ROOT / "docs" / "tutorials" / f"{name}.md").read_text()
 
@@ -80,4 +74,4 @@ def test_the_trace_finds_what_the_program_put_in(name, tmp_path, monkeypatch):
     parameters = {each["name"]: each["parameters"] for each in found["effects"]}
     for effect, (parameter, true) in lacks.items():
         of = parameters[effect][parameter]
-        assert of["low"] - OFF[name] * true <= true <= of["high"]
+        assert of["low"] <= true <= of["high"]

@@ -36,6 +36,17 @@ def test_torques_are_those_of_the_equations_of_motion(arm):
     assert np.nanmax(np.abs(off)) < 1e-3 < 1e-3 * np.nanmax(np.abs(arm[1].measured))
 
 
+def test_a_torque_does_not_count_where_its_joint_reverses(tmp_path):
+    """A filter rounds off what friction does to the motion there, and not what it does to the torque."""
+    rough = opened(EXAMPLE.write(tmp_path), held_models.log(tmp_path / "log.csv", 0))
+    of_all = rows_of(rough, 1), np.isfinite(rough[1].measured)
+    rate, known = (each.reshape(-1, 2)[100:-100] for each in of_all)  # amid the log
+    turns = np.diff(np.signbit(rate), axis=0)
+    assert np.all(turns.sum(axis=0) > 10)
+    assert not known[1:][turns].any()
+    assert np.all(known.mean(axis=0) > 0.6)
+
+
 def rows_of(arm, column):
     """Angle, rate or acceleration of both joints in the rows of the pieces, (S, T, 2)."""
     pieces = arm[1]

@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import side_by_side
 from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.full_rate import thinned
-from serpent_twin.machines.model.known_motion import change_column, rate_column
+from serpent_twin.machines.model.known_motion import STANDING, change_column, rate_column
 from serpent_twin.machines.model.prescribed import Prescription
 from serpent_twin.machines.model.seen import Seen
 from serpent_twin.machines.model.starts import angle_of, rate_of
@@ -20,14 +21,19 @@ from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.runs.processes import threads
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.smoothing import cutoff, smoothed
+from serpent_twin.tables.smoothing import cutoff, near_reversals, smoothed
 
+_ROUNDED = 0.5
+"""Time to both sides of a reversal in which a filter rounds it off, in periods of its cutoff"""
+_MOST = 0.5
+"""Largest share of its rows that a joint loses for that"""
 _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
 
 
 def with_smoothed(machine: Described, runs: Sequence[Log]) -> list[Log]:
-    """Logs in which the motion of all joints is smoothed, with its rates and accelerations per row; nothing
-    counts as measured at both ends, where derivatives are uncertain.
+    """Logs in which the motion of all joints is smoothed, with its rates and accelerations per row. Nothing
+    counts as measured at both ends, where derivatives are uncertain, and of a joint's torque where that
+    reverses: friction changes sides there, and a filter rounds off what that does to the motion alone.
     """
     names = {each.joint: each.column for each in machine.prescribed}
     hz = [cutoff([run.columns[name] for run in runs], runs[0].period) for name in names.values()]
@@ -46,13 +52,23 @@ def _with_smoothed(
         more[rate_of(joint)] = motion.rate[:, n]
         more[rate_column(name)] = motion.rate[:, n] * run.period
         more[change_column(name)] = motion.acceleration[:, n] * run.period**2
-    known = np.zeros(len(run), bool)
-    known[motion.edge : len(run) - motion.edge] = True
+    amid = np.zeros(len(run), bool)
+    amid[motion.edge : len(run) - motion.edge] = True
     for each in machine.about.measured:
+        known = amid
+        if machine.efforts.get(each.joint) is each:
+            n = [*names].index(each.joint)
+            known = amid & ~_reversals(motion.rate[:, n], round(_ROUNDED / (hz[n] * run.period)))
         more |= {name: np.where(known, run.columns[name], np.nan) for name in each.columns}
     notes = (*run.metadata.get(NOTES, ()), f"{run.name}: {note}")
     found = replace(run, columns=run.columns | more, metadata=run.metadata | {NOTES: notes})
     return thinned(machine, found)
+
+
+def _reversals(rate: Array, rows: int) -> NDArray[np.bool_]:
+    """Rows, (T,), within so many of which a joint moves to both sides; none if these are most."""
+    found = near_reversals(rate, STANDING, rows)
+    return found & (found.mean() < _MOST)
 
 
 def held_columns(machine: Described) -> list[str]:
