@@ -20,7 +20,9 @@ _LEAST_BINS = 3
 """Fewest lines of a spectrum in a band"""
 _NYQUIST = 0.9
 """Highest cutoff, as a share of half the rate: there is nothing to filter above it"""
-_EDGE = 0.5
+_SAMPLED = 1.7
+"""Samples in a period of the highest cutoff, so few that white noise below it is white again"""
+_EDGE = 1.0
 """Rows at both ends that a filter does not know well, in periods of its cutoff"""
 
 
@@ -79,12 +81,24 @@ def near_reversals(rate: Array, slow: float, rows: int) -> NDArray[np.bool_]:
     return reverses
 
 
+def below(values: Array, period: float, hz: float) -> Array:
+    """Readings (T,), which are NaN where lost, below a cutoff [Hz], without delay and without gaps."""
+    whole = _whole(values)
+    if hz >= _NYQUIST * 0.5 / period:
+        return whole
+    rows_aside = min(len(whole) - 1, round(3 * _ORDER / (hz * period)))
+    sos = butter(_ORDER, hz, fs=1 / period, output="sos")
+    found: Array = sosfiltfilt(sos, whole, padtype="odd", padlen=rows_aside)
+    return found
+
+
+def enough(cutoffs: Sequence[float], period: float) -> int:
+    """Rows of which one says all that is left below the cutoffs [Hz]."""
+    return max(1, int(1 / (_SAMPLED * max(cutoffs) * period)))
+
+
 def _one(angle: Array, period: float, hz: float) -> tuple[Array, Array, Array]:
-    whole = _whole(angle)
-    if hz < _NYQUIST * 0.5 / period:
-        rows_aside = min(len(whole) - 1, round(3 * _ORDER / (hz * period)))
-        sos = butter(_ORDER, hz, fs=1 / period, output="sos")
-        whole = sosfiltfilt(sos, whole, padtype="odd", padlen=rows_aside)
+    whole = below(angle, period, hz)
     rate = np.gradient(whole, period, edge_order=2)
     change = np.empty_like(whole)
     change[1:-1] = np.diff(whole, 2) / period**2

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import side_by_side
 from serpent_twin.machines.model.described import Described
-from serpent_twin.machines.model.full_rate import thinned
 from serpent_twin.machines.model.known_motion import STANDING, change_column, rate_column
 from serpent_twin.machines.model.prescribed import Prescription
 from serpent_twin.machines.model.seen import Seen
@@ -21,7 +20,7 @@ from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.runs.processes import threads
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.smoothing import cutoff, near_reversals, smoothed
+from serpent_twin.tables.smoothing import below, cutoff, enough, near_reversals, smoothed
 
 _ROUNDED = 0.5
 """Time to both sides of a reversal in which a filter rounds it off, in periods of its cutoff"""
@@ -38,31 +37,41 @@ def with_smoothed(machine: Described, runs: Sequence[Log]) -> list[Log]:
     names = {each.joint: each.column for each in machine.prescribed}
     hz = [cutoff([run.columns[name] for run in runs], runs[0].period) for name in names.values()]
     said = ", ".join(f"{joint} {each:.3g} Hz" for joint, each in zip(names, hz, strict=True))
-    note = f"the motion of joints is filtered, without delay, where noise begins: {said}."
-    return [_with_smoothed(machine, names, run, hz, note) for run in runs]
+    every = max(machine.about.every, enough(hz, runs[0].period))
+    note = (
+        f"motion and torques are filtered, without delay, where noise of the motion begins: {said}; "
+        f"every {every * runs[0].period:.3g} s there is a row."
+    )
+    return [_with_smoothed(machine, names, run, hz, every, note) for run in runs]
 
 
 def _with_smoothed(
-    machine: Described, names: Mapping[str, str], run: Log, hz: Sequence[float], note: str
+    machine: Described,
+    names: Mapping[str, str],
+    run: Log,
+    hz: Sequence[float],
+    every: int,
+    note: str,
 ) -> Log:
     angle = np.stack([run.columns[name] for name in names.values()], axis=1)
     motion, more = smoothed(angle, run.period, hz), dict[str, Array]()
     for n, (joint, name) in enumerate(names.items()):
         more[name] = more[angle_of(joint)] = motion.angle[:, n]
         more[rate_of(joint)] = motion.rate[:, n]
-        more[rate_column(name)] = motion.rate[:, n] * run.period
-        more[change_column(name)] = motion.acceleration[:, n] * run.period**2
+        more[rate_column(name)] = motion.rate[:, n] * (every * run.period)
+        more[change_column(name)] = motion.acceleration[:, n] * (every * run.period) ** 2
     amid = np.zeros(len(run), bool)
     amid[motion.edge : len(run) - motion.edge] = True
     for each in machine.about.measured:
-        known = amid
-        if machine.efforts.get(each.joint) is each:
-            n = [*names].index(each.joint)
-            known = amid & ~_reversals(motion.rate[:, n], round(_ROUNDED / (hz[n] * run.period)))
-        more |= {name: np.where(known, run.columns[name], np.nan) for name in each.columns}
+        n = [*names].index(each.joint)
+        turns = _reversals(motion.rate[:, n], round(_ROUNDED / (hz[n] * run.period)))
+        for name in each.columns:
+            values = run.columns[name]
+            known = amid & ~turns & np.isfinite(values)
+            more[name] = np.where(known, below(values, run.period, hz[n]), np.nan)
     notes = (*run.metadata.get(NOTES, ()), f"{run.name}: {note}")
     found = replace(run, columns=run.columns | more, metadata=run.metadata | {NOTES: notes})
-    return thinned(machine, found)
+    return replace(found, columns={name: of[::every] for name, of in found.columns.items()})
 
 
 def _reversals(rate: Array, rows: int) -> NDArray[np.bool_]:
