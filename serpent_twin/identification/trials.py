@@ -38,6 +38,8 @@ from serpent_twin.numerals import counted
 
 _NEAR = 0.3
 """Share of the best candidate's gain in cost from which another is fitted further"""
+_NAMED = 3
+"""Most effects that a line of progress names"""
 _MORE = 3
 """Derivatives of a fit that goes on"""
 _WEAK = 0.1
@@ -284,5 +286,7 @@ class Trials:
 
 
 def in_words(point: ParameterVector) -> str:
-    """What is fitted: a point's effects, or the model's numbers alone."""
+    """What is fitted: a point's effects, or how many they are, or the model's numbers alone."""
+    if len(point.effects) > _NAMED:
+        return f"{len(point.effects)} effects together"
     return " and ".join(map(spaced, point.effects)) or "the model's numbers"
