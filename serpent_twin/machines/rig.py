@@ -28,10 +28,10 @@ def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:
     what differs.
     """
     if len(sources) == 1:
-        return list(rig.read(sources[0]))
+        return list(rig.prepared(rig.recorded(sources[0])))
     logs: list[Any] = []
     for source in sources:
-        found: Sequence[Any] = rig.read(source)
+        found: Sequence[Any] = rig.recorded(source)
         alone = source.is_file() and len(found) == 1
         within = source.resolve().parent.name if alone else source.stem
         logs += [replace(log, label=f"{within}/{log.name}") for log in found]
@@ -57,7 +57,7 @@ def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:
             f"two sessions of {listed(sources)} have the same name, so they cannot be told apart. Rename a "
             "folder or a file."
         )
-    return logs
+    return list(rig.prepared(logs))
 
 
 def notes_on(logs: Sequence[Log]) -> list[str]:
@@ -88,10 +88,14 @@ class Rig(Protocol):
         """Its name on the command line."""
         ...
 
-    def read(self, source: Path) -> Sequence[Log]:
+    def recorded(self, source: Path) -> Sequence[Log]:
         """The sessions of a folder, or of one file; raises a `SerpentError` on logs that are not of this
         machine.
         """
+        ...
+
+    def prepared(self, logs: Sequence[Log]) -> Sequence[Log]:
+        """All sessions that are used together, with what follows from them all."""
         ...
 
     def open(self, training: Sequence[Any]) -> "Case[Any]":

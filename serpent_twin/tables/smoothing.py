@@ -107,6 +107,6 @@ def _one(angle: Array, period: float, hz: float) -> tuple[Array, Array, Array]:
 
 
 def _whole(values: Array) -> Array:
-    """Readings (T,) without gaps, which are filled by straight lines."""
+    """Readings (T,) without gaps, which are filled by straight lines; all are NaN where none is known."""
     rows, known = np.arange(len(values)), np.isfinite(values)
-    return np.interp(rows, rows[known], values[known])
+    return np.interp(rows, rows[known], values[known]) if known.any() else values

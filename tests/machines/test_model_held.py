@@ -13,6 +13,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.masses import state_all
 from serpent_twin.machines.model.numbers import change_number
+from serpent_twin.machines.rig import read_logs
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +46,16 @@ def test_a_torque_does_not_count_where_its_joint_reverses(tmp_path):
     assert np.all(turns.sum(axis=0) > 10)
     assert not (known[1:] & known[:-1])[turns].any()
     assert np.all(known.mean(axis=0) > 0.6)
+
+
+def test_files_given_one_by_one_are_filtered_alike(tmp_path):
+    """The noise of one log's encoders would leave it fewer rows than the other."""
+    rig = open_machine(EXAMPLE.write(tmp_path))
+    steps = {"fine": 1e-6, "coarse": 5e-3}
+    logs = [held_models.log(tmp_path / f"{n}.csv", 0, step=step) for n, step in steps.items()]
+    fine, coarse = (rig.read(log)[0].period for log in logs)
+    one, other = (log.period for log in read_logs(rig, logs))
+    assert fine < one == other <= coarse
 
 
 def rows_of(arm, column):

@@ -52,7 +52,7 @@ class SessionLog(Log):
 class SessionRig(ModelRig):
     """A machine whose logs are checked sessions, with the metadata of their recorder."""
 
-    def read(self, source: Path) -> list[Log]:
+    def recorded(self, source: Path) -> list[Log]:
         """The sessions of a folder, or that of one file, checked."""
         return self.logs([read_session(source)] if source.is_file() else read_folder(source))
 

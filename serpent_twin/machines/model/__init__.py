@@ -68,13 +68,17 @@ class ModelRig:
         return self.described.files
 
     def read(self, source: Path) -> list[Log]:
+        """The sessions of a folder, or of one file, as they are used without others."""
+        return self.prepared(self.recorded(source))
+
+    def recorded(self, source: Path) -> list[Log]:
         """The sessions of a folder, or of one file; of a motion with the columns from which it starts."""
-        runs = log_file.read_runs(self.described, source)
-        if self.described.about.rows == POSES:
-            return runs
-        if self.described.about.held:
-            return with_smoothed(self.described, runs)
-        return with_starts(self.described, runs)
+        runs, about = log_file.read_runs(self.described, source), self.described.about
+        return runs if about.held or about.rows == POSES else with_starts(self.described, runs)
+
+    def prepared(self, logs: Sequence[Log]) -> list[Log]:
+        """Sessions that are used together: rows of torque are filtered alike in all of them."""
+        return with_smoothed(self.described, logs) if self.described.about.held else list(logs)
 
     def changed(self, twin: Path) -> "ModelRig":
         """The rig of a machine about which something was changed since a trace wrote this twin.json."""
