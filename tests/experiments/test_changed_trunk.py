@@ -24,6 +24,9 @@ class TrunkRig:
 
     name = "trunk"
 
+    def read(self, source):
+        return self.prepared(self.recorded(source))
+
     def prepared(self, logs):
         return logs
 

@@ -30,9 +30,9 @@ _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
 
 
 def with_smoothed(machine: Described, runs: Sequence[Log]) -> list[Log]:
-    """Logs in which the motion of all joints is smoothed, with its rates and accelerations per row. Nothing
-    counts as measured at both ends, where derivatives are uncertain, and of a joint's torque where that
-    reverses: friction changes sides there, and a filter rounds off what that does to the motion alone.
+    """Logs in which motion and torques are filtered alike, with rates and accelerations per row; one row is
+    kept of what says the same. Nothing counts as measured at both ends, where a filter is uncertain, and of a
+    joint's torque where that reverses: friction changes sides, which a filter rounds off otherwise there.
     """
     names = {each.joint: each.column for each in machine.prescribed}
     hz = [cutoff([run.columns[name] for run in runs], runs[0].period) for name in names.values()]
