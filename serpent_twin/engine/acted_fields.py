@@ -24,7 +24,13 @@ def elsewhere(name: str, now: Array, own: Array, other: Array) -> Array:
     whose own is `own`: springs are longer by as much, and as much stiffer in proportion.
     """
     scales = (name in _SCALED) & (own != 0)
-    return np.where(scales, other * now / np.where(scales, own, 1.0), other + (now - own))
+    shift = now - own
+    if (
+        name == "actuator_biasprm"
+    ):  # a drive that is longer by a slack pulls less by its own stiffness
+        stiff = own[..., 1:2]
+        shift = shift * np.where(stiff, other[..., 1:2], 1.0) / np.where(stiff, stiff, 1.0)
+    return np.where(scales, other * now / np.where(scales, own, 1.0), other + shift)
 
 
 def varying(fields: Mapping[str, Array], models: Sequence[mujoco.MjModel]) -> dict[str, Array]:

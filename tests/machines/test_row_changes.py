@@ -35,8 +35,10 @@ HELD = """<mujoco><worldbody><site name="wall"/><body name="cart">
 </spatial></tendon></mujoco>"""
 
 
-def changes(mjcf, velocity, force=0.0, others=()):
-    """The dynamics of a cart that begins at 0 with a velocity, in one part a row."""
+def changes(mjcf, velocity, force=0.0, others=(), longer=0.0):
+    """The dynamics of a cart that begins at 0 with a velocity, in one part a row; something lets its cable
+    be longer than the model's.
+    """
     model = mujoco.MjModel.from_xml_string(mjcf)
     batch, dt = side_by_side([model], 1), np.array([DT])
     set_timestep(batch, dt)
@@ -44,6 +46,8 @@ def changes(mjcf, velocity, force=0.0, others=()):
     batch.reset()
     batch.bind("qvel")[...] = velocity
     batch.bind("qfrc_applied")[...] = force
+    if longer:
+        batch.expand("tendon_lengthspring")[...] += longer
     for _ in range(ROWS * K):
         steps.begin()
         batch.step()
@@ -95,6 +99,14 @@ def test_a_cable_pulls_in_the_steps_in_which_it_is_taut():
     assert found.A[0, 4, 1, 1] == pytest.approx(np.cos(w), abs=0.01)
 
 
+def test_a_cable_that_something_lengthens_pulls_later():
+    cart = SLIDE.format(joint="", more=CABLE)
+    found, _ = changes(cart, 0.25, longer=0.01)  # 0.08 s, four rows
+    assert np.all(found.by_slack[0, 0, :4, 1] == 0.0)
+    assert found.A[0, 3] == pytest.approx(np.array([[1, K * DT], [0, 1]]))
+    assert found.by_slack[0, 0, 5, 1] == pytest.approx(300 / 2 * K * DT, rel=0.05)
+
+
 def logged(module, folder):
     """A machine of some tests, and a folder with a log of it."""
     path = module.machine(folder)
@@ -114,10 +126,11 @@ def test_derivatives_along_a_motion_are_those_of_simulations(module, tmp_path):
     [
         ("stiffness_drift@cable", [200.0, 0.0, -1.0]),
         ("stiffness_drift@pivot", [200.0, 0.0, -1.0]),
+        ("discovered@slack of cable: linear time of session", [2e-4, *[0.0] * 7]),
     ],
 )
 def test_derivatives_are_of_springs_as_effects_have_made_them(effect, values, tmp_path):
-    """A cable or spring that has lost its stiffness, or its length, by the end of the log."""
+    """A cable or a spring has lost its stiffness by the end of the log, or a cable is longer then."""
     case, pieces, point = logged(pulled_lever, tmp_path)
     agree_with_simulations(case, pieces, point.having(effect, np.array(values)))
 
