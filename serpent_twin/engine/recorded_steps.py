@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.acted_fields import ACTED_FIELDS
+from serpent_twin.engine.stepper import field
 
 _INSTANT = ("act", "ctrl", "history", "time")
 
@@ -46,13 +48,19 @@ class RecordedSteps:
         part = self.part[k]
         if k == self.middle[part]:
             kept: Sequence[Array] = self.act, self.ctrl, self.history, self.time
-            for of, field in zip(kept, self._more, strict=True):
-                of[:, t, part] = field.reshape(len(of), -1)
-            for name, field in self._fields.items():
-                self.fields[name][:, t, part] = field
+            for of, now in zip(kept, self._more, strict=True):
+                of[:, t, part] = now.reshape(len(of), -1)
+            for name, now in self._fields.items():
+                self.fields[name][:, t, part] = now
 
     def end(self) -> None:
         """Note what the time step did."""
         t, k = divmod(self._count, self._per_row)
         self.acceleration[:, t, k], self.length[:, t, k] = self._outcome
         self._count += 1
+
+    def in_steps(self, name: str, models: Sequence[mujoco.MjModel]) -> Array:
+        """A field of n models in all steps, (n, rows, K, …); (n, 1, 1, …) where it stayed their own."""
+        if name in self.fields:
+            return self.fields[name][:, :, self.part]
+        return np.stack([field(model, name) for model in models])[:, None, None]

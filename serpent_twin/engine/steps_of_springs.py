@@ -1,11 +1,10 @@
 """Say in which time steps the springs of tendons pull, and what that changes of a linear motion."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.recorded_steps import RecordedSteps
@@ -31,10 +30,11 @@ class StretchedSprings:
         """Springs in recorded steps of S runs of some models; arms of all tendons are (P, N, ntendon, n)."""
         S, R, K, _ = steps.length.shape
         which = sprung(models)
-        of_run = [{name: of[s] for name, of in steps.fields.items()} for s in range(S)]
+        rest = steps.in_steps("tendon_lengthspring", models)[..., which, :]
+        slope = steps.in_steps("tendon_stiffness", models)[..., which]
         stiffness = np.array(
             [
-                _stiffness(m, which, steps.length[s][..., which], of_run[s], steps.part)
+                _stiffness(m, which, steps.length[s][..., which], rest[s], slope[s])
                 for s, m in enumerate(models)
             ]
         ).reshape(S * R, K, len(which))
@@ -60,24 +60,15 @@ def sprung(models: Sequence[mujoco.MjModel]) -> list[int]:
 
 
 def _stiffness(
-    model: mujoco.MjModel,
-    which: Sequence[int],
-    length: Array,
-    fields: Mapping[str, Array],
-    part: NDArray[np.intp],
+    model: mujoco.MjModel, which: Sequence[int], length: Array, rest: Array, slope: Array
 ) -> Array:
-    """Derivative of tendons' forces by their lengths [N/m], (R, K, L), in steps of some parts of R rows, in
-    which fields are others than the model's, (R, P, …).
+    """Derivative of tendons' forces by their lengths [N/m], (…, L), of springs between two lengths of rest,
+    (…, L, 2), from which their forces begin with a slope [N/m], (…, L).
     """
-    at, own = list(which), model.tendon_stiffness[list(which)]
-    rest, k = model.tendon_lengthspring[at], own
-    if "tendon_lengthspring" in fields:
-        rest = fields["tendon_lengthspring"][:, part][:, :, at]
-    if "tendon_stiffness" in fields:
-        k = fields["tendon_stiffness"][:, part][:, :, at]
     low, high = rest[..., 0], rest[..., 1]
     stretch = length - np.clip(length, low, high)
-    first, second = model.tendon_stiffnesspoly[at, :2].T
-    share = np.where(own, k, 1.0) / np.where(own, own, 1.0)
-    slope = k + share * stretch * (2 * first + 3 * stretch * second)
-    return np.where((stretch != 0.0) | (low == high), slope, 0.0)
+    own = model.tendon_stiffness[list(which)]
+    first, second = model.tendon_stiffnesspoly[list(which), :2].T
+    share = np.where(own, slope, 1.0) / np.where(own, own, 1.0)
+    grows = slope + share * stretch * (2 * first + 3 * stretch * second)
+    return np.where((stretch != 0.0) | (low == high), grows, 0.0)

@@ -22,7 +22,7 @@ from serpent_twin.matching.write import Entry
 from serpent_twin.tables.smoothing import cutoff, smoothed
 
 _TELLS = 0.5
-"""Least correlation, beside friction, of a measured torque and the model's, by which its sign is told"""
+"""Least correlation of a measured torque with the model's, beside friction, that tells its sign"""
 _AS_IT_IS = 2.0
 """Factor within which a torque is that of the joint: a model may be so much too light"""
 
@@ -50,7 +50,7 @@ def match(found: Matches) -> list[Entry]:
     readings = by_name.readings(robot, named, [*efforts.column.values()])
     several = [named[column] for column in efforts.column.values()]
     if not several or (motors and not all(c.is_current or c.direction == READING for c in several)):
-        return []  # it may be what the motor was told
+        return []  # each may be what its motor was told
     if motors and len(several) < len(robot.joints):
         return []  # some joints swing freely: their motion is simulated
     if not len(readings.column) == len(robot.joints) == robot.model.njnt:

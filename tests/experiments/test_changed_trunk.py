@@ -96,7 +96,7 @@ def test_a_trunk_named_to_judge_is_searched_for_a_change(trunks, traced, tmp_pat
 
 
 def test_a_run_cut_by_time_keeps_its_file_and_its_time(trunks):
-    (run, *_) = TrunkRig().recorded(trunks / "trunk")
+    (run, *_) = TrunkRig().read(trunks / "trunk")
     (begin,), (end,) = measured_split.by_time(run)
     assert len(begin) == 1200 and len(end) == 800 and end.columns["time"][0] == pytest.approx(12)
     assert begin.path == end.path == run.path and _file(run) == "controlled_1.parquet"

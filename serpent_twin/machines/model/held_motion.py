@@ -31,8 +31,8 @@ _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
 
 def with_smoothed(machine: Described, runs: Sequence[Log]) -> list[Log]:
     """Logs in which motion and torques are filtered alike, with rates and accelerations per row; one row is
-    kept of what says the same. Nothing counts as measured at both ends, where a filter is uncertain, and of a
-    joint's torque where that reverses: friction changes sides, which a filter rounds off otherwise there.
+    kept of several that say the same. Nothing counts as measured at both ends, where a filter is uncertain,
+    nor a joint's torque where that joint reverses: a filter rounds off how friction changes sides.
     """
     names = {each.joint: each.column for each in machine.prescribed}
     hz = [cutoff([run.columns[name] for run in runs], runs[0].period) for name in names.values()]
@@ -70,8 +70,8 @@ def _with_smoothed(
             known = amid & ~turns & np.isfinite(values)
             more[name] = np.where(known, below(values, run.period, hz[n]), np.nan)
     notes = (*run.metadata.get(NOTES, ()), f"{run.name}: {note}")
-    found = replace(run, columns=run.columns | more, metadata=run.metadata | {NOTES: notes})
-    return replace(found, columns={name: of[::every] for name, of in found.columns.items()})
+    columns = {name: of[::every] for name, of in (run.columns | more).items()}
+    return replace(run, columns=columns, metadata=run.metadata | {NOTES: notes})
 
 
 def _reversals(rate: Array, rows: int) -> NDArray[np.bool_]:
