@@ -112,6 +112,25 @@ ANGULAR_VELOCITY = Measure(
 VELOCITY = Measure(
     "velocity", "the velocity is", "velocity error, rms", "mm/s", "mm_per_s", 1e3, "m/s"
 )
+ACCELERATION = Measure(
+    "acceleration",
+    "the acceleration is",
+    "acceleration error, rms",
+    "m/s²",
+    "m_per_s2",
+    1.0,
+    "m/s²",
+)
+MAGNETIC_FIELD = Measure(
+    "magnetic field",
+    "the magnetic field is",
+    "magnetic field error, rms",
+    "µT",
+    "uT",
+    1e6,
+    "T",
+)
+READING = Measure("reading", "the reading is", "reading error, rms", "1", "1", 1.0, "1")
 FORCE = Measure("force", "the force is", "force error, rms", "N", "n", 1.0, "N")
 CONTROL = Measure("control", "the control is", "mean error of the control", "1", "1", 1.0, "1")
 TORQUE = Measure("torque", "the torque is", "torque error, rms", "mN m", "mNm", 1e3, "N m")

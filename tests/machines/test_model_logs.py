@@ -194,39 +194,19 @@ def test_a_data_set_of_several_episodes_in_a_file_has_a_session_each(tmp_path, t
     np.testing.assert_allclose(runs[1].columns["action.pan"], -np.radians(rows[:, 1]), atol=1e-6)
 
 
-def test_a_speed_is_measured_by_a_sensor_and_a_quaternion_is_refused_with_the_reason(
-    tmp_path, told
-):
-    path, (head, *rows) = (
-        swung_models.machine(tmp_path / "machine"),
-        told[swung_models].splitlines(),
-    )
+def test_a_quaternion_is_refused_with_the_reason(tmp_path):
+    path = swung_models.machine(tmp_path / "machine")
     model = tmp_path / "machine" / "lever.xml"
-    sensors = (
-        '<sensor><jointvel name="speed" joint="pivot"/>'
-        '<framequat name="q" objtype="body" objname="lever"/></sensor>'
+    sensor = '<sensor><framequat name="q" objtype="body" objname="lever"/></sensor></mujoco>'
+    model.write_text(model.read_text().replace("</mujoco>", sensor))
+    toml, more = (
+        path.read_text(),
+        '{ joint = "pivot", columns = ["angle"], unit = "rad", noise = 0.0005 }',
     )
-    model.write_text(model.read_text().replace("</mujoco>", sensors + "</mujoco>"))
-    toml = path.read_text()
-    more = '{ joint = "pivot", columns = ["angle"], unit = "rad", noise = 0.0005 }'
     assert more in toml
-    by_joint = '{ joint = "pivot", columns = ["w"], unit = "deg/s" }'
-    path.write_text(toml.replace(more, by_joint))
-    with pytest.raises(SerpentError, match="jointvel"):
-        open_machine(path)
     path.write_text(toml.replace(more, '{ sensor = "q", columns = ["a", "b", "c", "d"] }'))
     with pytest.raises(SerpentError, match="q and −q are one attitude"):
         open_machine(path)
-    path.write_text(
-        toml.replace(more, more + ', { sensor = "speed", columns = ["w"], unit = "deg/s" }')
-    )
-    speed = np.degrees(np.gradient(table(told[swung_models])[:, 2], 0.04))
-    log = tmp_path / "log.csv"
-    log.write_text(
-        "\n".join([head + ",w", *(f"{row},{w}" for row, w in zip(rows, speed, strict=True))])
-    )
-    case, *_ = opened(path, log)
-    assert [each.measure.unit for each in case.machine.outputs] == ["°", "°/s"]
 
 
 def test_a_model_without_actuators_says_which_lines_to_add(tmp_path):

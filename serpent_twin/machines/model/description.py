@@ -7,12 +7,15 @@ import msgspec
 
 from serpent_twin.machines.model.numbers import NUMBERS
 from serpent_twin.residual import (
+    ACCELERATION,
     ANGLE,
     ANGULAR_VELOCITY,
     FORCE,
     LENGTH,
     LOADS,
+    MAGNETIC_FIELD,
     POSITION,
+    READING,
     TORQUE,
     VELOCITY,
     Measure,
@@ -45,6 +48,9 @@ MEASURES = {
     "N m": TORQUE,
     "m/s": VELOCITY,
     "rad/s": ANGULAR_VELOCITY,
+    "m/s²": ACCELERATION,
+    "T": MAGNETIC_FIELD,
+    "1": READING,
 }
 """By SI unit"""
 
@@ -120,8 +126,8 @@ class MeasuredColumns(Form, frozen=True):
     site: str = ""
     """Site whose position is measured"""
     joint: str = ""
-    """Joint whose angle or length is measured; in N m or N, what drives a joint whose motion is prescribed,
-    its friction included
+    """Joint whose angle or length is measured; in a unit of speed, its velocity; in N m or N, what drives a
+    joint whose motion is prescribed, its friction included
     """
     sensor: str = ""
     """Sensor of the model whose reading is measured"""
@@ -159,7 +165,12 @@ class MeasuredColumns(Form, frozen=True):
     @property
     def angle_of(self) -> str:
         """The joint whose angle or length is measured; nothing where something else is."""
-        return "" if self.of_effort else self.joint
+        return "" if self.of_effort or self.of_velocity else self.joint
+
+    @property
+    def of_velocity(self) -> bool:
+        """Whether a velocity is measured."""
+        return TO_SI[self.unit][1] in ("m/s", "rad/s")
 
     @property
     def of_effort(self) -> bool:

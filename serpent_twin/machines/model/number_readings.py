@@ -70,20 +70,19 @@ def _differences(
 ) -> Array:
     """What is measured of other twins beyond that of a twin in the same states of some rows, (Q, S, R, C)."""
     models = [model for of in (driven, *others) for model in of.models]
-    runs, parts = Variants(driven, models, states.step), driven.told.shape[1] // driven.rows
+    runs, found = Variants(driven, models, states.step), []
     seen.bind(runs.batch, models)
-    told, found = np.stack([of.told for of in (driven, *others)]), []
     for t in rows:
         runs.put(
             t,
             qpos=states.pose[:, t],
             qvel=states.rate[:, t],
             act=states.activation[:, t],
-            ctrl=told[:, :, t * parts],
+            ctrl=np.stack([of.told_at(t) for of in (driven, *others)]),
             qfrc_applied=states.applied[:, t],
         )
         runs.act(states.fields, (t,))
         runs.batch.forward(stage=seen.stage)
-        shown = runs.apart(seen.read(runs.batch))
+        shown = runs.apart(seen.read(runs.batch, runs.older))
         found.append(shown[1:] - shown[0])
     return np.stack(found, axis=2)

@@ -15,6 +15,7 @@ from serpent_twin.machines.model.description import (
     KINDS,
     MEASURES,
     MOTION,
+    POSES,
     Description,
     MeasuredColumns,
     pose_first,
@@ -22,6 +23,7 @@ from serpent_twin.machines.model.description import (
 from serpent_twin.machines.model.drive_errors import amiss_in_drives
 from serpent_twin.machines.model.files import files
 from serpent_twin.machines.model.held import amiss_in_held, as_held
+from serpent_twin.machines.model.joint_velocities import speed_unit, with_velocity_sensors
 from serpent_twin.machines.model.known import amiss_known
 from serpent_twin.machines.model.lines import with_line
 from serpent_twin.machines.model.masses import settle_total_mass, state_all
@@ -33,6 +35,7 @@ from serpent_twin.machines.model.things import (
     lengths,
     names,
     not_single,
+    sensor_units,
     unknown,
     wrong_unit,
 )
@@ -75,6 +78,7 @@ def read(path: Path, model_file: Path | None = None) -> Described:
         raise SerpentError(with_line(f"{path}: {key} {text} {ADVICE}", raw))
     about = as_held(about, model) if about.held else about
     _delete_superseded(spec, about, model)
+    about = with_velocity_sensors(spec, about, model)
     return Described(path, pose_first(about), spec, spec.compile(), several)
 
 
@@ -164,13 +168,13 @@ def _twice(about: Description) -> Iterator[tuple[str, str]]:
                 yield f"known[{n}].columns", f"has {name!r}, which is {use[name]} already."
     use |= {name: "a known number" for each in about.known for name in each.columns}
     use |= {drive.enable: "a switch" for drive in about.drive if drive.enable}
-    there = set[tuple[str, str, bool]]()
+    there = set[tuple[str, str, str]]()
     for n, each in enumerate(about.measured):
         for name in each.columns:
             if name in use:
                 yield f"measured[{n}].columns", f"has {name!r}, which is {use[name]} already."
             use[name] = f"measured of {each.of[1]}"
-        which = *each.of, about.held and each.of_effort
+        which = *each.of, TO_SI[each.unit][1] if each.joint else ""
         if which in there:
             yield f"measured[{n}].{each.of[0]}", f"is {each.of[1]!r}, which is measured already."
         there.add(which)
@@ -217,11 +221,11 @@ def _amiss_measured(
             f"is {name!r}, a quaternion, which is not compared: q and −q are one attitude. Measure joints, "
             "or a gyro of the model, or sites on the body by where they are.",
         )
-    elif kind == "joint" and TO_SI[each.unit][1] in ("rad/s", "m/s"):
+    elif each.of_velocity and about.rows == POSES:
         yield (
             "unit",
-            f'is {each.unit!r}, of a speed. Add <sensor><jointvel name="speed" joint="{name}"/></sensor> to '
-            'the model, and measure sensor = "speed".',
+            f"is {each.unit!r}, of a velocity, which is 0 in rows of poses at rest. Leave it out, or set "
+            'rows = "motion" for a log of a motion.',
         )
     elif kind == "joint" and (ball := not_single(model, name)):
         yield kind, f"is {name!r}, {ball}: measure its turn by a sensor of the model."
@@ -233,9 +237,7 @@ def _amiss_measured(
         yield "zero", "is that of a site whose frame of the cameras is fitted, too: leave one out."
     elif each.frame and (why := _wrong_frame(each, model)):
         yield "frame", why
-    elif why := wrong_unit(
-        each.unit, _si_units(model, kind, name, each.of in prescribed), kind, name
-    ):
+    elif why := wrong_unit(each.unit, _si_units(model, each, each.of in prescribed), kind, name):
         yield "unit", why
 
 
@@ -251,13 +253,16 @@ def _wrong_frame(each: MeasuredColumns, model: mujoco.MjModel) -> str:
 
 
 def _si_units(
-    model: mujoco.MjModel, kind: str, name: str, prescribed: bool = False
+    model: mujoco.MjModel, measured: MeasuredColumns, prescribed: bool = False
 ) -> tuple[str, ...]:
     """SI units in which a thing may be measured; a joint whose motion is prescribed, by what drives it."""
+    kind, name = measured.of
     if kind == "joint" and prescribed:
         return (_EFFORT[joint_type(model, name) == "slide"],)
+    if kind == "joint" and measured.of_velocity:
+        return (speed_unit(model, name),)
     if kind == "sensor":
-        return tuple(MEASURES)
+        return sensor_units(model, name, tuple(MEASURES))
     if kind == "tendon":
         pulls = model.tendon_stiffness[model.tendon(name).id] > 0
         along = lengths(model, kind, name)

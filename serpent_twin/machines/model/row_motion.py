@@ -207,19 +207,19 @@ class _Changed:
 
     def row(self, t: int) -> Array:
         """What is seen in a row, (k, S, C)."""
-        states, told = self._states, self._driven.told
+        states = self._states
         pose, rate, activation = self._state
         self._runs.put(
             t,
             qpos=states.pose[:, t] + pose,
             qvel=states.rate[:, t] + rate,
             act=states.activation[:, t] + activation,
-            ctrl=told[:, t * (told.shape[1] // self._driven.rows)] + self._told,
+            ctrl=self._driven.told_at(t) + self._told,
             qfrc_applied=states.applied[:, t] + self._force,
         )
         self._runs.act(states.fields, (t,))
         self._runs.batch.forward(stage=self._seen.stage)
-        return self._runs.apart(self._seen.read(self._runs.batch))
+        return self._runs.apart(self._seen.read(self._runs.batch, self._runs.older))
 
 
 def free_of(driven: DrivenRuns) -> list[int]:

@@ -24,6 +24,8 @@ _READ = (
     *("qvel", "qacc", "qfrc_applied"),
 )
 
+_RATES, _FORCES = int(mujoco.mjtStage.mjSTAGE_VEL), int(mujoco.mjtStage.mjSTAGE_ACC)
+
 
 class Seen:
     """What is measured of a machine, its sites in the frame of the cameras. Its runs are as many of each of
@@ -40,8 +42,9 @@ class Seen:
         """What drives the joints of which that is measured"""
         self.of_forces = any(_is_force(machine.model, each) for each in self._about.measured)
         """Whether anything that is measured depends on the forces that act"""
-        stages = mujoco.mjtStage
-        self.stage = int(stages.mjSTAGE_ACC if self.of_forces else stages.mjSTAGE_VEL)
+        rates = [_is_rate(machine.model, e) for e in self._about.measured for _ in e.columns]
+        self._rates = np.flatnonzero(rates)
+        self.stage = int(_FORCES if self.of_forces or len(self._rates) else _RATES)
         """What MuJoCo must compute of a row before it is read"""
 
     def _of_site(self, batch: Batch, field: str, name: str) -> Array:
@@ -76,7 +79,23 @@ class Seen:
         for field in _READ:
             batch.bind(field)
 
-    def read(self, batch: Batch) -> Array:
+    def read(self, batch: Batch, older: Array | None = None) -> Array:
+        """What is measured now, (n, C), velocities as they will be where rates are so much older than angles
+        [s], (n,).
+        """
+        found = self._read(batch)
+        if older is None or not len(self._rates):
+            return found
+        rate = batch.bind("qvel")
+        before = rate.copy()
+        rate += older[:, None] * batch.bind("qacc")
+        batch.forward(stage=_RATES)
+        found[:, self._rates] = self._read(batch)[:, self._rates]
+        rate[...] = before
+        batch.forward(stage=self.stage)
+        return found
+
+    def _read(self, batch: Batch) -> Array:
         """What is measured now, (n, C)."""
         model, found = batch.model, []
         efforts = self.efforts.read(batch) if self._driven else np.zeros((1, 0))
@@ -148,7 +167,13 @@ def _is_force(model: mujoco.MjModel, measured: MeasuredColumns) -> bool:
     kind, name = measured.of
     if kind != "sensor":
         return kind == "actuator" or (kind == "joint" and measured.of_effort)
-    return bool(model.sensor(name).needstage[0] == mujoco.mjtStage.mjSTAGE_ACC)
+    return int(model.sensor(name).needstage[0]) == _FORCES
+
+
+def _is_rate(model: mujoco.MjModel, measured: MeasuredColumns) -> bool:
+    """Whether what is measured depends on rates, and on no force."""
+    sensor = measured.sensor
+    return bool(sensor) and int(model.sensor(sensor).needstage[0]) == _RATES
 
 
 def beginning(model: mujoco.MjModel, machine: Described) -> Array:

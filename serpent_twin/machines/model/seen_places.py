@@ -50,7 +50,7 @@ def _by_units(
         fields = {"qpos": states.pose, "qvel": states.rate, "qfrc_applied": states.applied}
         runs.put(t, **{name: values[:, t] for name, values in fields.items()})
         runs.batch.forward(stage=seen.stage)
-        shown = seen.read(runs.batch)
+        shown = seen.read(runs.batch, runs.older)
         rows.append(
             [
                 [views.change(*at, np.repeat(unit, len(shown), 0), shown) for unit in several]

@@ -48,6 +48,10 @@ class DrivenRuns:
         """T."""
         return self.off.shape[1]
 
+    def told_at(self, row: int) -> Array:
+        """The controls under which a row is read, (n, nu): its own come after."""
+        return self.told[:, max(row * (self.told.shape[1] // self.rows) - 1, 0)]
+
     def repeated(self, times: int) -> "DrivenRuns":
         """Repeat the runs several times, one set after the other, where no motion is prescribed."""
         told, off = np.tile(self.told, (times, 1, 1)), np.tile(self.off, (times, 1))
@@ -90,8 +94,7 @@ class SteppedRuns:
         period, known = driven.period, driven.known
         least = max(steps, period.max() / model.opt.timestep)
         self.nstep = ceil(least / self._parts - _ROUNDING)
-        self.leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
-        """Whether rates are half a step older than angles"""
+        self.leaps = leaps(model)
         self.step = period / (self.nstep * self._parts)
         set_timestep(self.batch, self.step)
         seen.bind(self.batch, driven.models)
@@ -180,7 +183,7 @@ class SteppedRuns:
 
     def read(self) -> Array:
         """What is seen now, (n, C)."""
-        shown = self._seen.read(self.batch)
+        shown = self._seen.read(self.batch, self.step / 2 if self.leaps else None)
         return self._laws.misread(shown, self._views) if self._laws and self._views else shown
 
     def see_later(self, ahead: Array) -> None:
@@ -214,17 +217,21 @@ class SteppedRuns:
         least = self._laws.stage if self._laws else _NOTHING
         if self.late:
             least = max(least, mujoco.mjtStage.mjSTAGE_POS, key=int)
-        for _ in range(count):
+        for n in range(count):
             if self._laws:
                 self._laws.act()
             if self._prescription:
                 self._prescription.follow(self._n)
-            if self._record:
+            last = n == count - 1 and not self._prescription
+            reached = max(stage if last else _NOTHING, least, key=int)
+            if self._record:  # what a stage computes of the state that is reached is not the step's
                 self._record.begin()
-            self.batch.step(stage=least if self._prescription else max(stage, least, key=int))
-            self._n += 1
-            if self._record:
+                self.batch.step(stage=_NOTHING)
                 self._record.end()
+                self.batch.forward(stage=reached)
+            else:
+                self.batch.step(stage=reached)
+            self._n += 1
             if self.late and self.late.wants(self._n):
                 self.late.passes(self._n, self.read())
         if self._prescription and stage:
@@ -239,6 +246,11 @@ class SteppedRuns:
         """Switch actuators as they are in a row."""
         if self._switches:
             self._switches.turn(row)
+
+
+def leaps(model: mujoco.MjModel) -> bool:
+    """Whether the rates of a model's runs are half a step older than its angles."""
+    return bool(model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4)
 
 
 def _follows_control(model: mujoco.MjModel) -> NDArray[np.bool_]:

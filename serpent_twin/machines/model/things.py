@@ -22,6 +22,23 @@ _JOINTS = {
     mujoco.mjtJoint.mjJNT_SLIDE: "slide",
     mujoco.mjtJoint.mjJNT_HINGE: "hinge",
 }
+_SENSED = {
+    ("m",): "RANGEFINDER TENDONPOS FRAMEPOS SUBTREECOM GEOMDIST GEOMFROMTO",
+    ("rad",): "BALLQUAT",
+    ("m/s",): "VELOCIMETER FRAMELINVEL SUBTREELINVEL",
+    ("rad/s",): "GYRO BALLANGVEL FRAMEANGVEL",
+    ("m/s²",): "ACCELEROMETER FRAMELINACC",
+    ("N",): "TOUCH FORCE",
+    ("N m",): "TORQUE",
+    ("T", "1"): "MAGNETOMETER",
+    ("1",): "FRAMEXAXIS FRAMEYAXIS FRAMEZAXIS GEOMNORMAL",
+}
+"""MuJoCo's sensors by the SI units of what they read; of others, it follows from what they are at"""
+_SENSOR_UNITS = {
+    int(getattr(mujoco.mjtSensor, f"mjSENS_{name}")): units
+    for units, several in _SENSED.items()
+    for name in several.split()
+}
 
 
 def names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
@@ -58,6 +75,16 @@ def lengths(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
         return ("m",) if joint_type(model, name) == "slide" else ("rad",)
     first = model.wrap_type[model.tendon_adr[model.tendon(name).id]]
     return ("m", "rad") if first == mujoco.mjtWrap.mjWRAP_JOINT else ("m",)
+
+
+def sensor_units(model: mujoco.MjModel, name: str, usual: tuple[str, ...]) -> tuple[str, ...]:
+    """SI units of what a sensor of the model reads; the usual ones where MuJoCo does not say."""
+    sensor = model.sensor(name)
+    kind, at = int(sensor.type[0]), int(sensor.objid[0])
+    if kind in (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL):
+        length = "m" if joint_type(model, model.joint(at).name) == "slide" else "rad"
+        return (length + "/s" * (kind == mujoco.mjtSensor.mjSENS_JOINTVEL),)
+    return _SENSOR_UNITS.get(kind, usual)
 
 
 def joint_type(model: mujoco.MjModel, name: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.engine.acted_fields import ACTED_FIELDS, elsewhere
 from serpent_twin.engine.stepper import set_timestep, side_by_side
-from serpent_twin.machines.model.stepped_runs import DrivenRuns
+from serpent_twin.machines.model.stepped_runs import DrivenRuns, leaps
 from serpent_twin.machines.model.switches import Switches
 from serpent_twin.runs.processes import threads
 
@@ -25,6 +25,9 @@ class Variants:
         """Fields of the models that change from step to step, as they are without, (k S, …) each"""
         off = np.tile(driven.off, (self._k, 1))
         self._switches = Switches(self.batch, off) if off.any() else None
+
+        self.older = np.tile(step, self._k) / 2 if leaps(models[0]) else None
+        """Time by which rates are older than angles [s], (k S,); None where both are of one time"""
 
     def put(self, row: int, **state: Array) -> None:
         """Write fields in a row of the motion, (S, …) for all variants alike or (k, S, …); where a field has
