@@ -61,8 +61,8 @@ def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:
 
 
 def notes_on(logs: Sequence[Log]) -> list[str]:
-    """Sentences on what was put right when logs were read."""
-    return [each for log in logs for each in log.metadata.get(NOTES, ())]
+    """Sentences on what was put right when logs were read, each once."""
+    return list(dict.fromkeys(each for log in logs for each in log.metadata.get(NOTES, ())))
 
 
 def is_named(log: Log, pattern: str) -> bool:

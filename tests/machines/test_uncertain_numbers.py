@@ -156,6 +156,18 @@ def test_one_of_several_that_share_a_number_is_ten_widths_off_at_most(tmp_path):
     assert mass.farthest == 0.06
 
 
+@pytest.mark.parametrize("number", ["mass", "spread x", "centre of mass x"])
+def test_a_wildcard_means_no_body_that_cannot_change(tmp_path, number):
+    """The world is a body without mass."""
+    changed(tmp_path, "mass", "lower", 0.1)
+    path = tmp_path / "machine.toml"
+    text = path.read_text().replace('"mass", of = ["lower"]', f'"{number}", of = ["*"], each = 0.2')
+    path.write_text(text)
+    names = [each.name for each in _declared(path, tmp_path / "log.csv")]
+    of = [name.removeprefix(f"{number} of ") for name in names if name.startswith(number)]
+    assert of == ["*", "upper", "lower"]
+
+
 def test_a_site_is_shifted(tmp_path):
     before, after = changed(tmp_path, "site z", "tip", -3.0)
     shift = after.site_pos - before.site_pos

@@ -6,6 +6,7 @@ from fnmatch import fnmatchcase
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.machines.machine import Declared, Quantity
 from serpent_twin.machines.model.built_alike import built_alike
@@ -126,9 +127,11 @@ def _numbers(machine: Described) -> Iterator[FittedNumber]:
 
 def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumber]:
     known = names_of(model, uncertain.number)
+    can_change = _can_change(model, uncertain.number)
     prior = uncertain.prior or NUMBERS[uncertain.number].prior
     for pattern in uncertain.of:
-        which = tuple(n for n, name in enumerate(known) if fnmatchcase(name, pattern))
+        named = (n for n, name in enumerate(known) if fnmatchcase(name, pattern))
+        which = tuple(n for n in named if can_change[n])
         shared = _coordinate(model, uncertain.number, which, prior, pattern)
         expected = shared.quantity.after(uncertain.begin)
         held = replace(shared.declared, farthest=uncertain.most or shared.declared.farthest)
@@ -144,6 +147,18 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
             expected = one.quantity.after(uncertain.begin)
             quantity = replace(one.quantity, of=of, nominal=expected)
             yield replace(one, declared=declared, quantity=quantity)
+
+
+def _can_change(model: mujoco.MjModel, number: str) -> NDArray[np.bool_]:
+    """Whether a number of each thing can change: no factor changes 0, and nothing the world."""
+    kind = NUMBERS[number]
+    if kind.added:
+        there = np.ones(len(names_of(model, number)), bool)
+    else:
+        there = np.asarray(numbers_of(model, number) != 0)
+    if kind.of == "body":
+        there[0] = False
+    return there
 
 
 def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:

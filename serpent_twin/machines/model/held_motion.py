@@ -39,7 +39,7 @@ def with_smoothed(machine: Described, runs: Sequence[Log]) -> list[Log]:
     said = ", ".join(f"{joint} {each:.3g} Hz" for joint, each in zip(names, hz, strict=True))
     every = max(machine.about.every, enough(hz, runs[0].period))
     note = (
-        f"motion and torques are filtered, without delay, where noise of the motion begins: {said}; "
+        f"Motion and torques are filtered, without delay, where noise of the motion begins: {said}; "
         f"every {every * runs[0].period:.3g} s there is a row."
     )
     return [_with_smoothed(machine, names, run, hz, every, note) for run in runs]
@@ -69,7 +69,7 @@ def _with_smoothed(
             values = run.columns[name]
             known = amid & ~turns & np.isfinite(values)
             more[name] = np.where(known, below(values, run.period, hz[n]), np.nan)
-    notes = (*run.metadata.get(NOTES, ()), f"{run.name}: {note}")
+    notes = (*run.metadata.get(NOTES, ()), note)
     columns = {name: of[::every] for name, of in (run.columns | more).items()}
     return replace(run, columns=columns, metadata=run.metadata | {NOTES: notes})
 

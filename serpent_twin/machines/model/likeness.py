@@ -35,12 +35,22 @@ def require_units(machine: Described, pieces: Segments, found: Array) -> None:
     at = 0
     for each in machine.about.measured:
         parts = slice(at, at := at + len(each.columns))
-        for session in dict.fromkeys(pieces.session):
-            of = [n for n, name in enumerate(pieces.session) if name == session]
-            some = pieces.take(of)
-            if why := _amiss(machine, each, some, some.measured[..., parts], found[of][..., parts]):
+        measured, like = pieces.measured[..., parts], found[..., parts]
+        by_session = _by_session(pieces)
+        usual = np.median([abs(_correlation(measured[n], like[n])[0]) for n in by_session.values()])
+        for session, of in by_session.items():
+            some, known = pieces.take(of), bool(usual > _ALIKE)
+            if why := _amiss(machine, each, some, measured[of], like[of], known):
                 columns = ", ".join(map(repr, each.columns))
                 raise SerpentError(f"{machine.path}: {columns} of {session} {why}")
+
+
+def _by_session(pieces: Segments) -> dict[str, list[int]]:
+    """Segments of each session."""
+    found = dict[str, list[int]]()
+    for n, session in enumerate(pieces.session):
+        found.setdefault(session, []).append(n)
+    return found
 
 
 def require_own(machine: Described, pieces: Segments, found: Array) -> None:
@@ -78,12 +88,22 @@ def _shown(
 
 
 def _amiss(
-    machine: Described, each: MeasuredColumns, pieces: Segments, measured: Array, found: Array
+    machine: Described,
+    each: MeasuredColumns,
+    pieces: Segments,
+    measured: Array,
+    found: Array,
+    known: bool,
 ) -> str:
-    """What is wrong with what is measured of a session, (S, T, c), where the model shows (S, T, c)."""
+    """What is wrong with what is measured of a session, (S, T, c), where the model shows (S, T, c).
+
+    Unless the model is `known` to follow most sessions with either sign, one session that follows it with the
+    other sign is chance: a model may lack friction, and a session be short.
+    """
     period = float(np.median(pieces.period)) if machine.about.rows == MOTION else np.inf
     late, thing = int(np.ceil(_LATE / period)), f"the model's {' '.join(each.of)}"
     sign, ratio = _alike(measured, found, late)
+    sign = sign if known else max(sign, 0)
     by_model = _unlike(each.unit, sign, ratio, "its unit")
     if sign > 0 and not by_model and abs(np.log(ratio)) < np.log(_ABOUT):
         return ""
