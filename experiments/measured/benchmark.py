@@ -5,7 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.measured.metric import CENTRED_TIP_RMS, MAE, RMSE, TIP_RMS, TORQUE_RMS, Metric
+from experiments.measured.metric import (
+    CENTRED_TIP_RMS,
+    JOINTS_MAE,
+    MAE,
+    RMSE,
+    TIP_RMS,
+    TORQUE_RMS,
+    Metric,
+)
 from serpent_twin.machines.model import open_machine
 
 
@@ -17,10 +25,10 @@ class Benchmark:
     """Measure of its error"""
     splits: tuple[tuple[str, ...], ...]
     """Names of the files held out in each; the first is the one reported"""
-    reference: float
-    """What the authors published, in the metric, or what `reference_by` reached"""
-    sketch: float
-    """What a small simulator or regression with the effects expected here reached"""
+    reference: float | None
+    """What the authors published, in the metric, or what `reference_by` reached; None if unknown"""
+    sketch: float | None
+    """What a small simulator or regression with the effects expected here reached; None without any"""
     origin: str
     """Where the original recordings are"""
     reference_by: str = ""
@@ -33,6 +41,7 @@ class Benchmark:
     """Names of the files of the machine as it was; any other is of it after something was changed"""
 
 
+_OTHER_BUILD = "a simulation with the authors' friction, of build C.1"
 BENCHMARKS: Mapping[str, Benchmark] = {
     "xl330": Benchmark(
         MAE,
@@ -74,6 +83,47 @@ BENCHMARKS: Mapping[str, Benchmark] = {
         sketch=9.9,
         origin="github.com/thanhndv212/figaroh-examples, commit c0b5c7f",
         reference_by="the authors' friction and rotor inertias on their model",
+        form="*.csv",
+    ),
+    "kuka_kr300": Benchmark(
+        TORQUE_RMS,
+        (("test.parquet",),),
+        reference=None,
+        sketch=None,
+        origin="nonlinearbenchmark.org, Industrial robot, DOI 10.26204/DATA/5",
+    ),
+    "dfki_double_pendulum_a": Benchmark(
+        JOINTS_MAE,
+        (("A0_01.csv",),),
+        reference=4.7,
+        sketch=None,
+        origin="github.com/dfki-ric-underactuated-lab/double_pendulum, commit 1e8544e",
+        reference_by=_OTHER_BUILD,
+        form="*.csv",
+    ),
+    "dfki_double_pendulum_c": Benchmark(
+        JOINTS_MAE,
+        (("C0_01.csv", "C0_03.csv"),),
+        reference=4.7,
+        sketch=None,
+        origin="github.com/dfki-ric-underactuated-lab/double_pendulum, commit 1e8544e",
+        reference_by=_OTHER_BUILD,
+        form="*.csv",
+    ),
+    "dfki_simple_pendulum": Benchmark(
+        MAE,
+        (("energy_shaping_1kg*",), ("energy_shaping_0.5kg*",)),
+        reference=None,
+        sketch=None,
+        origin="github.com/dfki-ric-underactuated-lab/torque_limited_simple_pendulum, commit ed17ea2",
+        form="*.csv",
+    ),
+    "go2": Benchmark(
+        JOINTS_MAE,
+        (),
+        reference=None,
+        sketch=None,
+        origin="github.com/iit-DLSLab/sim2real-robot-identification, commit 06739ea",
         form="*.csv",
     ),
 }

@@ -75,4 +75,14 @@ CENTRED_TIP_RMS = Metric(
 TORQUE_RMS = Metric(
     "torque_rms_nm", "torque RMS", "torque error of all joints, rms", "N m", _rms, of_all=True
 )
-METRICS = {metric.name: metric for metric in (MAE, RMSE, TIP_RMS, CENTRED_TIP_RMS, TORQUE_RMS)}
+JOINTS_MAE = Metric(
+    "joints_mae_deg",
+    "MAE, all joints",
+    "mean absolute error of all joints",
+    "°",
+    _mean_angle,
+    of_all=True,
+)
+METRICS = {
+    metric.name: metric for metric in (MAE, RMSE, TIP_RMS, CENTRED_TIP_RMS, TORQUE_RMS, JOINTS_MAE)
+}

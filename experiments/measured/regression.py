@@ -1,9 +1,12 @@
 """Score a regression without physics on the same runs."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import combinations_with_replacement
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from experiments.measured.metric import TIP_RMS, Metric
 from serpent_twin.arrays import Array
@@ -18,6 +21,10 @@ _SLOW = 0.05  # [rad/s] below which a direction of motion fades
 _DELAYS = np.linspace(0.0, 0.4, 41)  # [s]
 _MOTORS = range(1, 7)  # of the trunk, and of the six-axis robot
 _TIP = ("disk3_x", "disk3_y", "disk3_z")
+_FREE = 0.4
+"""Length of a free run of a pendulum [s]"""
+_DOUBLE = ("pos_meas1", "pos_meas2")
+_BY_STATE = "where a free run begins, and torques since"
 Features = Callable[[Log], Array]
 Kinds = Mapping[str, Features]
 
@@ -71,14 +78,46 @@ def _tendons(run: Log) -> Array:
     return _products([values for name, values in run.columns.items() if "servo" in name], 3)
 
 
-def _motion(run: Log) -> Array:
-    """Angles of six joints as sines and cosines and their products, accelerations, rates and their ways."""
-    joints = [f"joint_{n}" for n in _MOTORS]
+def _motion(joints: Sequence[str], run: Log) -> Array:
+    """Angles of some joints as sines and cosines and their products, accelerations, rates and their ways."""
     angle = np.stack([run.columns[angle_of(name)] for name in joints], axis=1)
     rate = np.stack([run.columns[rate_of(name)] for name in joints], axis=1)
     faster = np.gradient(rate, run.columns["time"], axis=0)
     turned = _products([*np.sin(angle.T), *np.cos(angle.T)], 2)
     return np.concatenate([rate, np.tanh(rate / _SLOW), faster, turned], axis=1)
+
+
+def _goals(run: Log) -> Array:
+    """Twelve wanted angles of the last 0.8 s."""
+    rows = [round(lag / run.period) for lag in _LAGS]
+    at = np.maximum(np.arange(len(run))[:, None] - rows, 0)
+    return np.concatenate([run.columns[f"des{n}"][at] for n in range(12)], axis=1)
+
+
+def _free_runs(angles: Sequence[str], torques: Sequence[str], run: Log) -> Array:
+    """Where each free run of 0.4 s begins, and how rates, gravity, friction and torques move it since."""
+    rows, row = round(_FREE / run.period), np.arange(len(run))
+    begin = row - row % rows
+    since = ((row - begin) * run.period)[:, None]
+    angle = np.stack([_known(run.columns[name]) for name in angles], axis=1)
+    first, rate = angle[begin], savgol_filter(angle, 9, 3, 1, run.period, axis=0)[begin]
+    pulled = np.concatenate([np.sin(np.cumsum(first, axis=1)), np.sign(rate)], axis=1)
+    given = [_twice_since(run.columns[name], begin, run.period) for name in torques]
+    return np.concatenate([first, rate * since, pulled * since**2, np.stack(given, axis=1)], axis=1)
+
+
+def _known(values: Array) -> Array:
+    """Values with those between where a row is lost."""
+    there = np.isfinite(values)
+    return np.interp(np.arange(len(values)), np.flatnonzero(there), values[there])
+
+
+def _twice_since(values: Array, begin: NDArray[np.int64], period: float) -> Array:
+    """Integral of an integral of values since a row, (T,)."""
+    once = np.cumsum(values) * period
+    once = once - once[begin]
+    twice = np.cumsum(once) * period
+    return twice - twice[begin]
 
 
 def _products(values: Sequence[Array], degree: int) -> Array:
@@ -117,7 +156,25 @@ KNOWN: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Log]], Kinds]]] = 
     "trunk": (_TIP, _trunk),
     "staubli_tx40": (
         tuple(f"curr{n}" for n in _MOTORS),
-        lambda _: {"angles, rates, accelerations": _motion},
+        lambda _: {
+            "angles, rates, accelerations": partial(_motion, [f"joint_{n}" for n in _MOTORS])
+        },
+    ),
+    "kuka_kr300": (
+        tuple(f"tau{n}_Nm" for n in _MOTORS),
+        lambda _: {"angles, rates, accelerations": partial(_motion, [f"a{n}" for n in _MOTORS])},
+    ),
+    "go2": (
+        tuple(f"q{n}" for n in range(12)),
+        lambda _: {"wanted angles of the last 0.8 s": _goals},
+    ),
+    **dict.fromkeys(
+        ("dfki_double_pendulum_a", "dfki_double_pendulum_c"),
+        (_DOUBLE, lambda _: {_BY_STATE: partial(_free_runs, _DOUBLE, ("tau_meas1", "tau_meas2"))}),
+    ),
+    "dfki_simple_pendulum": (
+        ("position",),
+        lambda _: {_BY_STATE: partial(_free_runs, ("position",), ("torque",))},
     ),
     "opencr": (("tip_x", "tip_y", "tip_z"), lambda _: {"displacements, cubic": _tendons}),
 }

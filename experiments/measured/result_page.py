@@ -105,9 +105,7 @@ def errors_table(found: Found) -> Table:
             f"{_metric(row).told(value)} ({by})"
             for by, value in row[2].get("regression", {}).items()
         ),
-        "reference": lambda row: (
-            "" if "before" in row[2] else _metric(row).told(row[1]["reference"])
-        ),
+        "reference": lambda row: "" if "before" in row[2] else _reference(row[1], _metric(row)),
     }
     return Table.of(_rows(found), columns)
 
@@ -121,6 +119,11 @@ def lacked_table(found: Found) -> Table:
         "rejected": lambda row: ", ".join(map(spaced, row[2]["rejected"])),
     }
     return Table.of(_rows(found), columns)
+
+
+def _reference(of: Mapping[str, Any], metric: Metric) -> str:
+    """What others reached; empty where nothing is known."""
+    return "" if of["reference"] is None else metric.told(of["reference"])
 
 
 def _metric(row: MachineRow) -> Metric:
@@ -159,10 +162,11 @@ def _lead(found: Found) -> str:
         over = f"{low:.2f} … {metric.told(high)} over {len(of['splits'])} splits"
         spread = f", {over}" if high > low else ""
         first = of["splits"][0]
+        beside = "reference" if of["reference_by"] else "published"
+        known = _reference(of, metric)
         told.append(
             f"{name}, {first['nominal']:.2f} → {metric.told(first['corrected'])} "
-            f"({_and(first.get('effects', ()))} found{spread}; "
-            f"{'reference' if of['reference_by'] else 'published'} {metric.told(of['reference'])})"
+            f"({_and(first.get('effects', ()))} found{spread}{known and f'; {beside} {known}'})"
         )
         told += [
             f"{name} in {_names([each['file']])}, {each['before']:.2f} → "
@@ -185,7 +189,8 @@ def _bars(found: Found) -> Figure:
                 axes.bar(
                     n + 0.2 * (k - 1.5), value, 0.18, color=colour, label=None if n else _BARS[k]
                 )
-        axes.axhline(of["reference"], color=INK, lw=1, ls="--", label="reference")
+        if of["reference"] is not None:
+            axes.axhline(of["reference"], color=INK, lw=1, ls="--", label="reference")
         axes.set_xticks(range(len(of["splits"])), [_short(e["held_out"]) for e in of["splits"]])
         axes.set(
             title=name,

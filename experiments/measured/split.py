@@ -66,12 +66,13 @@ def split(runs: Sequence[Log], patterns: Sequence[str]) -> Split:
 
 
 def judged_by(judging: Sequence[Log]) -> list[str]:
-    """The files that judge; of files that hold several runs, what the runs' names have in common."""
-    if all(r.path and r.path.stem == r.name for r in judging):
-        return [r.path.name for r in judging if r.path]
+    """The files that judge; of files that hold several runs, what the runs' names have in common, if any."""
     first, last = min(r.name for r in judging), max(r.name for r in judging)
     same = takewhile(lambda pair: pair[0] == pair[1], zip(first, last, strict=False))
-    return ["".join(one for one, _ in same) + "*"]
+    common = "".join(one for one, _ in same).rstrip()
+    files = list(dict.fromkeys(r.path.name for r in judging if r.path))
+    alone = all(r.path and r.path.stem == r.name for r in judging)
+    return files if files and (alone or not common) else [common + "*"]
 
 
 def inner(training: Sequence[Log], bench: Benchmark) -> Split:
