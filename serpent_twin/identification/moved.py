@@ -58,7 +58,8 @@ class Moved:
 
     def __str__(self) -> str:
         """The finding as a clause of a sentence."""
-        found = f"{self.name} is {self.value:.3g} {self.unit} where {self.expected:.3g} is expected"
+        value = f"{self.value:.3g} {self.unit}".rstrip()
+        found = f"{self.name} is {value} where {self.expected:.3g} is expected"
         if abs(self.value) < ABSENT * abs(self.expected):
             return f"{found}: as good as absent".replace("-", "−")
         return f"{found}, {abs(self.widths):.1f} × its tolerance".replace("-", "−")

@@ -129,6 +129,7 @@ def _open(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"Unexplained: {diagnosis.unexplained.depends_on}"
     elif diagnosis.doubt:
         yield diagnosis.doubt
+    yield from _nearly(diagnosis)
     yield from diagnosis.cautions[:2]
     told = diagnosis.identifiability
     if told is None:
@@ -137,6 +138,14 @@ def _open(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"These logs would not show at any strength: {_some(lost)}."
     if told.not_sought:
         yield told.not_sought[0]
+
+
+def _nearly(diagnosis: Diagnosis) -> Iterator[str]:
+    """Where nothing was found: the candidate that held-out sessions gain most by, but may owe to chance."""
+    doubted = [each for each in diagnosis.candidates if each.doubt is not None]
+    if doubted and not diagnosis.effects and not diagnosis.stand_ins:
+        best = min(doubted, key=lambda each: each.error)
+        yield f"{capital(placed(best.name))} is not sure: {best.why}. More logs may show it."
 
 
 def _some(names: Sequence[str]) -> str:

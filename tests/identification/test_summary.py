@@ -3,6 +3,7 @@
 from made_diagnosis import PAYLOAD, diagnosis
 
 from experiments.arm_catalogue import candidates
+from serpent_twin.identification.diagnosis import Tried
 from serpent_twin.identification.summary import summary
 from serpent_twin.identification.unexplained import Unexplained
 
@@ -21,6 +22,17 @@ def test_nothing_missing_and_nothing_explained_begin_unlike():
     first, *others = summary(diagnosis(unexplained=rest), candidates()).splitlines()
     assert "no known effect explains" in first
     assert any("Unexplained: The markers follow motor 3's angle." in line for line in others)
+
+
+def test_a_candidate_that_may_be_chance_is_named_where_nothing_is_found():
+    rest = Unexplained(True, 0.4, "The markers follow motor 3's angle.")
+    why = "13.5 % better on held-out logs; its strength may be zero"
+    doubted = Tried("hinge_friction@elbow", 1.0, "rejected", 0.2, None, why, doubt=1e-4)
+    tried = (*diagnosis().candidates, doubted)
+    said = " ".join(summary(diagnosis(unexplained=rest, candidates=tried), candidates()).split())
+    assert f"Hinge friction at elbow is not sure: {why}. More logs may show it." in said
+    found = diagnosis(effects=(PAYLOAD,), unexplained=rest, candidates=tried)
+    assert "is not sure" not in summary(found, candidates())
 
 
 def test_numbers_of_the_model_that_the_logs_make_different_are_told():
