@@ -9,7 +9,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import swung_models
-from example import opened
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import open_machine

@@ -65,8 +65,8 @@ NOISE = np.r_[[1e-3] * 2, [0.02] * 5, [0.1] * 3, [1e-7] * 3]  # [rad], [rad/s], 
 
 @cache
 def motion(seed: int, friction: float, rows: int):
-    """Goals, angles, velocities and readings of the sensors, [SI], (T, …), read before a row's goals are told,
-    of an arm with dry friction of the elbow [N m].
+    """Goals, angles, velocities and readings of the sensors, [SI], (T, …), of an arm with dry friction of
+    the elbow [N m], read before a row's goals are told.
     """
     spec = mujoco.MjSpec.from_string(MJCF)
     spec.option.timestep = FINE
