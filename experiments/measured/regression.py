@@ -100,7 +100,8 @@ def _free_runs(angles: Sequence[str], torques: Sequence[str], run: Log) -> Array
     begin = row - row % rows
     since = ((row - begin) * run.period)[:, None]
     angle = np.stack([_known(run.columns[name]) for name in angles], axis=1)
-    first, rate = angle[begin], savgol_filter(angle, 9, 3, 1, run.period, axis=0)[begin]
+    rates: Array = np.asarray(savgol_filter(angle, 9, 3, 1, run.period, axis=0), float)
+    first, rate = angle[begin], rates[begin]
     pulled = np.concatenate([np.sin(np.cumsum(first, axis=1)), np.sign(rate)], axis=1)
     given = [_twice_since(run.columns[name], begin, run.period) for name in torques]
     return np.concatenate([first, rate * since, pulled * since**2, np.stack(given, axis=1)], axis=1)

@@ -35,7 +35,7 @@ from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.report import versions_text, write
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.stored import within
+from serpent_twin.stored import names, within
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.repeated import refuse_repeated
 
@@ -118,7 +118,8 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
         if not judging or len(judging) == len(sessions):
             raise SerpentError(
                 f"--judge {config.judge} names {len(judging)} of the {counted(len(sessions), 'session')} in "
-                f"{listed(config.logs)}: some must judge and some be fitted. Name others."
+                f"{listed(config.logs)}: some must judge and some be fitted. Name others, several by one "
+                f"pattern with *, ? or [..]; there are {names([s.name for s in sessions], 12)}."
             )
         return [s for s in sessions if s not in judging], judging
     if len(sessions) == 1:
