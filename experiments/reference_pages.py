@@ -208,7 +208,7 @@ def _in_toml(value: Any) -> str:
 
 def _units() -> str:
     names = ", ".join(f"`{unit}`" for unit in TO_SI)
-    about = "`1` is that of a control that is no position, such as a current."
+    about = "`1` is that of a control such as a current."
     return f"## Units\n\nA unit is one of {names}. {about}\n"
 
 

@@ -40,19 +40,28 @@ class SmoothedMotion:
     """Rows at both ends whose derivatives are uncertain"""
 
 
-def cutoff(several: Sequence[Array], period: float) -> float:
+def power_spectrum(several: Sequence[Array], period: float) -> tuple[Array, Array]:
+    """Frequencies above 0 [Hz], and the mean power density there of readings (T,), NaN where lost, in runs
+    that are as long as the last one or longer than a window.
+    """
+    hz, found = np.zeros(0), list[Array]()
+    for values in several:
+        size = min(_WINDOW, len(values))
+        hz, each = welch(_whole(values), 1 / period, nperseg=size, detrend="linear")
+        found.append(each)
+    alike = [each for each in found if len(each) == len(hz)]
+    return hz[1:], np.mean(alike, axis=0)[1:]
+
+
+def cutoff(several: Sequence[Array], period: float, derivatives: int = 2) -> float:
     """Frequency [Hz] where the noise of readings (T,) begins to outweigh the motion, in the spectrum of their
-    second derivatives: its least power above the frequency of most power.
+    second derivatives, or first ones of rates: its least power above the frequency of most power.
 
     The spectrum of a motion's acceleration falls with frequency; that of white noise, differentiated twice,
     rises with its fourth power, so that a valley lies between both.
     """
-    power: Array = np.zeros(0)
-    for values in several:
-        size = min(_WINDOW, len(values))
-        hz, each = welch(_whole(values), 1 / period, nperseg=size, detrend="linear")
-        power = each if not len(power) or len(power) != len(each) else power + each
-    hz, power = hz[1:], power[1:] * hz[1:] ** 4
+    hz, power = power_spectrum(several, period)
+    power = power * hz ** (2 * derivatives)
     low, high = np.searchsorted(hz, hz / _BAND), np.searchsorted(hz, hz * _BAND)
     high = np.minimum(np.maximum(high, low + _LEAST_BINS), len(hz))
     total = np.r_[0.0, np.cumsum(power)]

@@ -41,6 +41,13 @@ class Described:
     model: mujoco.MjModel
     files: list[Path]
     """All that it is made of"""
+    velocities: tuple[MeasuredColumns, ...] = ()
+    """Velocities of joints that say how these move where rows are of torques, and are not compared"""
+
+    @property
+    def logged(self) -> tuple[MeasuredColumns, ...]:
+        """All columns of measurements that are read."""
+        return *self.about.measured, *self.velocities
 
     @cached_property
     def bare(self) -> mujoco.MjSpec:

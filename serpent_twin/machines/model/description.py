@@ -126,8 +126,8 @@ class MeasuredColumns(Form, frozen=True):
     site: str = ""
     """Site whose position is measured"""
     joint: str = ""
-    """Joint whose angle or length is measured; in a unit of speed, its velocity; in N m or N, what drives a
-    joint whose motion is prescribed, its friction included
+    """Joint whose angle, length or velocity is measured; in N m or N, what drives it where its motion is
+    prescribed, friction included
     """
     sensor: str = ""
     """Sensor of the model whose reading is measured"""

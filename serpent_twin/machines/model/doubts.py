@@ -83,8 +83,8 @@ def require_unit(
     machine: Described, path: Path, name: str, values: Array, measured: MeasuredColumns
 ) -> None:
     """Refuse a joint's column that lies far beyond the joint's range: degrees for radians."""
-    kind, of = measured.of
-    if kind == "joint" and not measured.of_effort and machine.model.joint(of).limited[0]:
+    of = measured.angle_of
+    if of and machine.model.joint(of).limited[0]:
         limits = machine.model.joint(of).range
         require_within(path, name, values, limits, f"joint {of}", measured.unit)
 

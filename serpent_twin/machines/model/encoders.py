@@ -35,7 +35,7 @@ def put_right(machine: Described, run: Log) -> Log:
         if each.angle_of and joint_type(machine.model, each.joint) == "hinge":
             columns[each.columns[0]], note = _unwrapped(machine, run, each)
             notes += note
-    for each in machine.about.measured:
+    for each in machine.logged:
         fresh = _fresh(np.stack([columns[name] for name in each.columns]))
         if fresh.all():
             continue

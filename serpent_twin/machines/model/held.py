@@ -24,7 +24,7 @@ def as_held(about: Description, model: mujoco.MjModel) -> Description:
     that are measured as what drives their joints.
     """
     followed = tuple(_followed(each) for each in about.measured if each.angle_of)
-    efforts = tuple(_effort(each, model) for each in about.measured if not each.angle_of)
+    efforts = tuple(_effort(each, model) for each in about.measured if _is_effort(each))
     return replace(about, drive=followed, measured=efforts)
 
 
@@ -43,7 +43,7 @@ def amiss_in_held(about: Description, model: mujoco.MjModel) -> list[tuple[str, 
                 "is not compared where rows are of torques: measure joints, and what drives them."
             )
             found.append((f"measured[{n}].{kind}", told))
-        elif not each.angle_of and name in names(model, OBJECTS[kind]):
+        elif _is_effort(each) and name in names(model, OBJECTS[kind]):
             of = each.of if kind == "joint" else acts_on(model, name)
             if of in moved:
                 found.append(
@@ -79,6 +79,11 @@ def amiss_in_held(about: Description, model: mujoco.MjModel) -> list[tuple[str, 
             )
         )
     return found
+
+
+def _is_effort(each: MeasuredColumns) -> bool:
+    """Whether a column is of what drives a joint, not of how it moves."""
+    return not each.angle_of and not each.of_velocity
 
 
 def with_offsets(machine: Described, training: Sequence[Log]) -> Described:

@@ -20,12 +20,22 @@ from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.runs.processes import threads
 from serpent_twin.tables.log import Log
-from serpent_twin.tables.smoothing import below, cutoff, enough, near_reversals, smoothed
+from serpent_twin.tables.logged_rates import LoggedRate, judged
+from serpent_twin.tables.smoothing import (
+    SmoothedMotion,
+    below,
+    cutoff,
+    enough,
+    near_reversals,
+    smoothed,
+)
 
 _ROUNDED = 0.5
 """Time to both sides of a reversal in which a filter rounds it off, in periods of its cutoff"""
 _MOST = 0.5
 """Largest share of its rows that a joint loses for that"""
+_DELAY = 0.1
+"""Least delay of a logged velocity that is stated, in rows"""
 _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
 
 
@@ -34,41 +44,90 @@ def with_smoothed(machine: Described, runs: Sequence[Log]) -> list[Log]:
     kept of several that say the same. Nothing counts as measured at both ends, where a filter is uncertain,
     nor a joint's torque where that joint reverses: a filter rounds off how friction changes sides.
     """
-    names = {each.joint: each.column for each in machine.prescribed}
-    hz = [cutoff([run.columns[name] for run in runs], runs[0].period) for name in names.values()]
-    said = ", ".join(f"{joint} {each:.3g} Hz" for joint, each in zip(names, hz, strict=True))
-    every = max(machine.about.every, enough(hz, runs[0].period))
+    period = runs[0].period
+    filters = {
+        each.joint: _filter(machine, each.joint, each.column, runs) for each in machine.prescribed
+    }
+    every = max(machine.about.every, enough([each.hz for each in filters.values()], period))
+    said = ", ".join(f"{joint} {each.hz:.3g} Hz" for joint, each in filters.items())
+    of_rates = "".join(f"; {each.said}" for each in filters.values() if each.said)
     note = (
         f"Motion and torques are filtered, without delay, where noise of the motion begins: {said}; "
-        f"every {every * runs[0].period:.3g} s there is a row."
+        f"every {every * period:.3g} s there is a row{of_rates}."
     )
-    return [_with_smoothed(machine, names, run, hz, every, note) for run in runs]
+    return [_with_smoothed(machine, filters, run, every, note) for run in runs]
+
+
+@dataclass(frozen=True)
+class _Filter:
+    """How the motion of a joint follows from its columns."""
+
+    column: str
+    hz: float
+    """Cutoff"""
+    velocity: str = ""
+    """Column of the velocity, where that is used"""
+    logged: LoggedRate | None = None
+    said: str = ""
+    """Whether a logged velocity is used, and why"""
+
+    def motion(self, run: Log) -> SmoothedMotion:
+        """The motion of the joint in a run."""
+        found = smoothed(run.columns[self.column][:, None], run.period, [self.hz])
+        if not self.logged:
+            return found
+        values = run.columns[self.velocity]
+        rate, change = self.logged.undelayed(values, run.period, self.hz)
+        return replace(found, rate=rate[:, None], acceleration=change[:, None])
+
+
+def _filter(machine: Described, joint: str, column: str, runs: Sequence[Log]) -> _Filter:
+    """How the motion of a joint follows from its columns in several runs: accelerations by the velocity where
+    that is off by less than the derivative of the angle.
+    """
+    period, angles = runs[0].period, [run.columns[column] for run in runs]
+    hz = cutoff(angles, period)
+    logged = next((each for each in machine.velocities if each.joint == joint), None)
+    if logged is None:
+        return _Filter(column, hz)
+    velocity = logged.columns[0]
+    rates = [run.columns[velocity] for run in runs]
+    found = judged(angles, rates, period, hz)
+    beside = f"its error is {found.error:.2g} times that of the differentiated angle"
+    if not found.better:
+        return _Filter(column, hz, said=f"{velocity!r} is not used: {beside}")
+    late = (
+        f", without its delay of {1e3 * found.late:.2g} ms"
+        if abs(found.late) > _DELAY * period
+        else ""
+    )
+    said = f"{velocity!r} is differentiated once{late}: {beside}"
+    return _Filter(column, cutoff(rates, period, 1), velocity, found, said)
 
 
 def _with_smoothed(
     machine: Described,
-    names: Mapping[str, str],
+    filters: Mapping[str, _Filter],
     run: Log,
-    hz: Sequence[float],
     every: int,
     note: str,
 ) -> Log:
-    angle = np.stack([run.columns[name] for name in names.values()], axis=1)
-    motion, more = smoothed(angle, run.period, hz), dict[str, Array]()
-    for n, (joint, name) in enumerate(names.items()):
-        more[name] = more[angle_of(joint)] = motion.angle[:, n]
-        more[rate_of(joint)] = motion.rate[:, n]
-        more[rate_column(name)] = motion.rate[:, n] * (every * run.period)
-        more[change_column(name)] = motion.acceleration[:, n] * (every * run.period) ** 2
-    amid = np.zeros(len(run), bool)
-    amid[motion.edge : len(run) - motion.edge] = True
+    motions, more = {joint: each.motion(run) for joint, each in filters.items()}, dict[str, Array]()
+    for joint, motion in motions.items():
+        name = filters[joint].column
+        more[name] = more[angle_of(joint)] = motion.angle[:, 0]
+        more[rate_of(joint)] = motion.rate[:, 0]
+        more[rate_column(name)] = motion.rate[:, 0] * (every * run.period)
+        more[change_column(name)] = motion.acceleration[:, 0] * (every * run.period) ** 2
+    amid, edge = np.zeros(len(run), bool), max(each.edge for each in motions.values())
+    amid[edge : len(run) - edge] = True
     for each in machine.about.measured:
-        n = [*names].index(each.joint)
-        turns = _reversals(motion.rate[:, n], round(_ROUNDED / (hz[n] * run.period)))
+        hz = filters[each.joint].hz
+        turns = _reversals(motions[each.joint].rate[:, 0], round(_ROUNDED / (hz * run.period)))
         for name in each.columns:
             values = run.columns[name]
             known = amid & ~turns & np.isfinite(values)
-            more[name] = np.where(known, below(values, run.period, hz[n]), np.nan)
+            more[name] = np.where(known, below(values, run.period, hz), np.nan)
     notes = (*run.metadata.get(NOTES, ()), note)
     columns = {name: of[::every] for name, of in (run.columns | more).items()}
     return replace(run, columns=columns, metadata=run.metadata | {NOTES: notes})

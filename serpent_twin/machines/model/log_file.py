@@ -50,7 +50,7 @@ def read_runs(machine: Described, folder: Path) -> list[Log]:
     began.
     """
     about = machine.about
-    measured = [name for each in about.measured for name in each.columns]
+    measured = [name for each in machine.logged for name in each.columns]
     needed = [each.column for each in about.drive] + measured + machine.switches
     needed += [each.velocity for each in about.drive if each.velocity]
     needed += [about.session] if about.session else []
@@ -100,7 +100,7 @@ def _columns(machine: Described, table: DataTable) -> RawLog:
         each.column: _drive(machine, table, each) for each in about.drive if each.column in table
     }
     measured: dict[str, Array] = {}
-    for each in about.measured:
+    for each in machine.logged:
         for name in each.columns:
             if name in table:
                 values = _in_its_unit(table, name, each, f"measured of {each.of[1]}")

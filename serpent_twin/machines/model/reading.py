@@ -76,10 +76,11 @@ def read(path: Path, model_file: Path | None = None) -> Described:
     if problem:
         key, text = problem
         raise SerpentError(with_line(f"{path}: {key} {text} {ADVICE}", raw))
+    velocities = tuple(each for each in about.measured if about.held and each.of_velocity)
     about = as_held(about, model) if about.held else about
     _delete_superseded(spec, about, model)
     about = with_velocity_sensors(spec, about, model)
-    return Described(path, pose_first(about), spec, spec.compile(), several)
+    return Described(path, pose_first(about), spec, spec.compile(), several, velocities)
 
 
 def _delete_superseded(spec: mujoco.MjSpec, about: Description, model: mujoco.MjModel) -> None:
@@ -121,7 +122,8 @@ def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
         )
     if about.time and (of := TO_SI[about.time.unit][1]) not in ("s", "1"):
         found.append(("time.unit", f"is {about.time.unit!r}, of {of}; time is in s, ms, µs or ns."))
-    kinds = [] if found else list(dict.fromkeys(each.measure.one for each in about.measured))
+    compared = [e for e in about.measured if not found and not (about.held and e.of_velocity)]
+    kinds = list(dict.fromkeys(each.measure.one for each in compared))
     if len(kinds) > 2:
         told = f"has quantities of {len(kinds)} kinds, {listed(kinds)}; beside the first, which is the "
         found.append(("measured", f"{told}pose, only one other is compared. Leave some out."))
@@ -192,7 +194,7 @@ def _amiss_measured(
 ) -> Iterator[tuple[str, str]]:
     """What is wrong with a measured thing: its key, and why."""
     kind, name = each.of
-    follows = about.held and each.angle_of
+    follows = about.held and kind == "joint" and not each.of_effort
     prescribed = [] if follows else about.followed
     if not kind:
         yield "", "must name exactly one of " + ", ".join(KINDS) + "."
