@@ -116,7 +116,7 @@ class MeasuredColumns(Form, frozen=True):
     """Columns that the model is compared with."""
 
     columns: Annotated[tuple[Name, ...], many(1, 4)]
-    """Names of the columns in the logs: three for a site, one for most others"""
+    """Names of the columns in the logs: three for a site, one for most"""
     unit: Unit = "1"
     """Unit of the numbers in the columns"""
     scale: Number = 1.0
