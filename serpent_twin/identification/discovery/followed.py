@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy.fft import next_fast_len, rfft
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import READINGS, Law
@@ -22,13 +23,13 @@ _TURNS = {"motor_angle": 0.0, "joint_angle": 4.5}
 """Readings that may be followed in waves, and how far [rad] these must go on in the logs: a part of a wave of
 a joint is a curve
 """
-_OVERSAMPLED = 2.0
+_OVERSAMPLED = 2
 """Frequencies of a swing to each that its duration tells apart"""
 _PERIODS = 3
 """Least number of periods of a swing in the logs: fewer are a step or a drift"""
 _PEAKS = 2
 """Frequencies of a swing that are tried at each place"""
-_AT_ONCE = 500
+_AT_ONCE = 50
 _PLAYS = 2.0 ** -np.arange(2, 9)
 """Widths of a play that are tried, to the range of the angle that takes it up"""
 _LAGS = 2.0 ** np.arange(-5, 3)
@@ -148,14 +149,23 @@ def _between(levels: Array, at: float) -> list[float]:
 
 def swings(time: Array, products: Array, scale: Array) -> Array:
     """The angular frequencies [rad/s] at which products of the residual with places' responses, (P, d, N),
-    swing most with a time (S, T), (P, _PEAKS); `scale` holds the responses' squares, (P, d, N).
+    swing most with a time (S, T), (P, _PEAKS), up to its Nyquist frequency; `scale` holds the responses'
+    squares, (P, d, N). Frequencies are so dense that a swing between two of them keeps its phase throughout.
     """
-    rates = _rates(time)
-    flat, t = products.reshape(-1, time.size).astype(np.float32), time.ravel()
+    period = float(np.median(np.diff(time, axis=1)))
+    rows = np.rint((time - time.min()) / period).astype(int)
+    count = next_fast_len(2 * _OVERSAMPLED * int(rows.max() + 1), real=True)
+    rates = 2 * np.pi / (count * period) * np.arange(count // 2 + 1)
+    slow = int(np.searchsorted(rates, _PERIODS * 2 * np.pi / float(np.ptp(time))))
+    rates = rates[slow:]
+    flat = products.reshape(-1, *time.shape).astype(np.float32)
     power = np.empty((len(rates), len(flat)))
-    for n in range(0, len(rates), _AT_ONCE):
-        some = np.exp(-1j * rates[n : n + _AT_ONCE, None] * t).astype(np.complex64)
-        power[n : n + _AT_ONCE] = np.abs(some @ flat.T) ** 2
+    for n in range(0, len(flat), _AT_ONCE):
+        some = flat[n : n + _AT_ONCE]
+        on_grid = np.zeros((len(some), count), np.float32)
+        for s, at in enumerate(rows):  # sessions have the same times
+            on_grid[:, at] += some[:, s]
+        power[:, n : n + _AT_ONCE] = np.abs(rfft(on_grid)[:, slow:].T) ** 2
     size = np.maximum(scale.reshape(len(flat), -1).sum(axis=1), 1e-30)
     each = (power / size).reshape(len(rates), *products.shape[:2]).sum(axis=2)
     return rates[np.argsort(-each, axis=0)[:_PEAKS]].T
@@ -175,13 +185,3 @@ def rows_of(
         for f in several
     ]
     return np.array(each, np.float32)
-
-
-def _rates(time: Array) -> Array:
-    """Angular frequencies [rad/s] up to the Nyquist frequency of times (S, T), so dense that a swing between
-    two of them keeps its phase over all of the times.
-    """
-    step = np.pi / (_OVERSAMPLED * float(np.ptp(time)))
-    slowest = _PERIODS * 2 * np.pi / float(np.ptp(time))
-    highest = np.pi / float(np.median(np.diff(time, axis=1)))
-    return np.arange(slowest, highest, step)
