@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.fft import next_fast_len, rfft
+from scipy.fft import next_fast_len
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import READINGS, Law
@@ -165,7 +165,7 @@ def swings(time: Array, products: Array, scale: Array) -> Array:
         on_grid = np.zeros((len(some), count), np.float32)
         for s, at in enumerate(rows):  # sessions have the same times
             on_grid[:, at] += some[:, s]
-        power[:, n : n + _AT_ONCE] = np.abs(rfft(on_grid)[:, slow:].T) ** 2
+        power[:, n : n + _AT_ONCE] = np.abs(np.fft.rfft(on_grid)[:, slow:].T) ** 2
     size = np.maximum(scale.reshape(len(flat), -1).sum(axis=1), 1e-30)
     each = (power / size).reshape(len(rates), *products.shape[:2]).sum(axis=2)
     return rates[np.argsort(-each, axis=0)[:_PEAKS]].T
