@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import READINGS, Law
@@ -154,7 +153,7 @@ def swings(time: Array, products: Array, scale: Array) -> Array:
     """
     period = float(np.median(np.diff(time, axis=1)))
     rows = np.rint((time - time.min()) / period).astype(int)
-    count = next_fast_len(2 * _OVERSAMPLED * int(rows.max() + 1), real=True)
+    count = 1 << (2 * _OVERSAMPLED * int(rows.max() + 1)).bit_length()
     rates = 2 * np.pi / (count * period) * np.arange(count // 2 + 1)
     slow = int(np.searchsorted(rates, _PERIODS * 2 * np.pi / float(np.ptp(time))))
     rates = rates[slow:]
@@ -163,8 +162,7 @@ def swings(time: Array, products: Array, scale: Array) -> Array:
     for n in range(0, len(flat), _AT_ONCE):
         some = flat[n : n + _AT_ONCE]
         on_grid = np.zeros((len(some), count), np.float32)
-        for s, at in enumerate(rows):  # sessions have the same times
-            on_grid[:, at] += some[:, s]
+        np.add.at(on_grid, (slice(None), rows), some)  # sessions may have the same times
         power[:, n : n + _AT_ONCE] = np.abs(np.fft.rfft(on_grid)[:, slow:].T) ** 2
     size = np.maximum(scale.reshape(len(flat), -1).sum(axis=1), 1e-30)
     each = (power / size).reshape(len(rates), *products.shape[:2]).sum(axis=2)
