@@ -160,10 +160,10 @@ def swings(time: Array, products: Array, scale: Array) -> Array:
     flat = products.reshape(-1, *time.shape).astype(np.float32)
     power = np.empty((len(rates), len(flat)))
     for n in range(0, len(flat), _AT_ONCE):
-        some = flat[n : n + _AT_ONCE]
-        on_grid = np.zeros((len(some), count), np.float32)
-        np.add.at(on_grid, (slice(None), rows), some)  # sessions may have the same times
-        power[:, n : n + _AT_ONCE] = np.abs(np.fft.rfft(on_grid)[:, slow:].T) ** 2
+        some = np.moveaxis(flat[n : n + _AT_ONCE], 0, -1)
+        on_grid = np.zeros((count, some.shape[-1]), np.float32)
+        np.add.at(on_grid, rows, some)  # sessions may have the same times
+        power[:, n : n + _AT_ONCE] = np.abs(np.fft.rfft(on_grid, axis=0)[slow:]) ** 2
     size = np.maximum(scale.reshape(len(flat), -1).sum(axis=1), 1e-30)
     each = (power / size).reshape(len(rates), *products.shape[:2]).sum(axis=2)
     return rates[np.argsort(-each, axis=0)[:_PEAKS]].T
