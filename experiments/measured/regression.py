@@ -13,6 +13,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.model.known import STATED
 from serpent_twin.machines.model.starts import angle_of, rate_of
 from serpent_twin.tables.log import Log
+from serpent_twin.tables.smoothing import without_gaps
 
 _RIDGE = 1e-3
 _LAGS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s]
@@ -99,18 +100,12 @@ def _free_runs(angles: Sequence[str], torques: Sequence[str], run: Log) -> Array
     rows, row = round(_FREE / run.period), np.arange(len(run))
     begin = row - row % rows
     since = ((row - begin) * run.period)[:, None]
-    angle = np.stack([_known(run.columns[name]) for name in angles], axis=1)
+    angle = np.stack([without_gaps(run.columns[name]) for name in angles], axis=1)
     rates: Array = np.asarray(savgol_filter(angle, 9, 3, 1, run.period, axis=0), float)
     first, rate = angle[begin], rates[begin]
     pulled = np.concatenate([np.sin(np.cumsum(first, axis=1)), np.sign(rate)], axis=1)
     given = [_twice_since(run.columns[name], begin, run.period) for name in torques]
     return np.concatenate([first, rate * since, pulled * since**2, np.stack(given, axis=1)], axis=1)
-
-
-def _known(values: Array) -> Array:
-    """Values with those between where a row is lost."""
-    there = np.isfinite(values)
-    return np.interp(np.arange(len(values)), np.flatnonzero(there), values[there])
 
 
 def _twice_since(values: Array, begin: NDArray[np.int64], period: float) -> Array:

@@ -12,17 +12,15 @@ from serpent_twin.residual.describe import describe, settling_text
 from serpent_twin.residual.findings import Findings, SessionChange, analyse, settled
 from serpent_twin.residual.joint_attribution import attribute_to_joints
 from serpent_twin.residual.measure import (
-    ACCELERATION,
     ANGLE,
     ANGULAR_VELOCITY,
     CONTROL,
     FORCE,
     LENGTH,
     LOADS,
-    MAGNETIC_FIELD,
     MARKERS,
+    MEASURES,
     POSITION,
-    READING,
     TORQUE,
     VELOCITY,
     Measure,
@@ -31,17 +29,15 @@ from serpent_twin.residual.noise import Noise, expected_distance, measurement_no
 from serpent_twin.residual.size import load_size, marker_size
 
 __all__ = [
-    "ACCELERATION",
     "ANGLE",
     "ANGULAR_VELOCITY",
     "CONTROL",
     "FORCE",
     "LENGTH",
     "LOADS",
-    "MAGNETIC_FIELD",
     "MARKERS",
+    "MEASURES",
     "POSITION",
-    "READING",
     "TORQUE",
     "VELOCITY",
     "Comparison",

@@ -134,3 +134,11 @@ READING = Measure("reading", "the reading is", "reading error, rms", "1", "1", 1
 FORCE = Measure("force", "the force is", "force error, rms", "N", "n", 1.0, "N")
 CONTROL = Measure("control", "the control is", "mean error of the control", "1", "1", 1.0, "1")
 TORQUE = Measure("torque", "the torque is", "torque error, rms", "mN m", "mNm", 1e3, "N m")
+MEASURES = {
+    each.base: each
+    for each in (
+        *(LENGTH, ANGLE, FORCE, TORQUE, VELOCITY, ANGULAR_VELOCITY),
+        *(ACCELERATION, MAGNETIC_FIELD, READING),
+    )
+}
+"""Quantities of one number that a model may be compared with, by SI unit"""

@@ -33,9 +33,8 @@ class LoggedRate:
 
     def undelayed(self, values: Array, period: float, hz: float) -> tuple[Array, Array]:
         """Rate and acceleration of a motion by logged rates (T,), below a cutoff [Hz], each at its time."""
-        time = period * np.arange(len(values))
-        spline = CubicSpline(time, below(values, period, hz))
-        then = np.clip(time + self.late, time[0], time[-1])
+        spline = _spline(values, period, hz)
+        then = np.clip(spline.x + self.late, spline.x[0], spline.x[-1])
         return np.asarray(spline(then)), np.asarray(spline(then, 1))
 
 
@@ -51,7 +50,7 @@ def judged(
     that was made of the readings has their noise, and more of it than a derivative below the cutoff.
     """
     pairs = [_derived(of, period, hz) for of in readings]
-    logged = [below(of, period, hz) for of in rates]
+    logged = [_spline(of, period, hz) for of in rates]
     late = _delay([rate for rate, _ in pairs], logged, period, hz)
     found = LoggedRate(late, np.inf)
     edge = round((_ASIDE / hz + abs(late)) / period)
@@ -70,32 +69,36 @@ def judged(
     return LoggedRate(late, float(np.sqrt(worst)))
 
 
+def _spline(values: Array, period: float, hz: float) -> CubicSpline:
+    """What is left of values (T,) below a cutoff [Hz], at any time since the first one [s]."""
+    return CubicSpline(period * np.arange(len(values)), below(values, period, hz))
+
+
 def _derived(values: Array, period: float, hz: float) -> tuple[Array, Array]:
     """Rate and acceleration by readings, (T,) each."""
-    time = period * np.arange(len(values))
-    spline = CubicSpline(time, below(values, period, hz))
-    return np.asarray(spline(time, 1)), np.asarray(spline(time, 2))
+    spline = _spline(values, period, hz)
+    return np.asarray(spline(spline.x, 1)), np.asarray(spline(spline.x, 2))
 
 
-def _delay(rates: Sequence[Array], logged: Sequence[Array], period: float, hz: float) -> float:
+def _delay(
+    rates: Sequence[Array], logged: Sequence[CubicSpline], period: float, hz: float
+) -> float:
     """Time by which logged rates are later than others [s], at most a period of the cutoff either way."""
     most = max(1, min(round(1 / (hz * period)), min(map(len, rates)) // 4))
-    shifts = range(-most, most + 1)
+    shifts, values = range(-most, most + 1), [np.asarray(each(each.x)) for each in logged]
     alike = [
         sum(
             float(r[most:-most] @ np.roll(w, -k)[most:-most])
-            for r, w in zip(rates, logged, strict=True)
+            for r, w in zip(rates, values, strict=True)
         )
         for k in shifts
     ]
     late = period * shifts[int(np.argmax(alike))]
     for _ in range(_ROUNDS):
         off = slope = 0.0
-        for rate, values in zip(rates, logged, strict=True):
-            time = period * np.arange(len(rate))
-            spline = CubicSpline(time, values)
+        for rate, spline in zip(rates, logged, strict=True):
             inner = slice(most, -most)
-            then = time[inner] + late
+            then = spline.x[inner] + late
             change = np.asarray(spline(then, 1))
             off += float((np.asarray(spline(then)) - rate[inner]) @ change)
             slope += float(change @ change)

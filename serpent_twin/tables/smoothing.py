@@ -47,7 +47,7 @@ def power_spectrum(several: Sequence[Array], period: float) -> tuple[Array, Arra
     hz, found = np.zeros(0), list[Array]()
     for values in several:
         size = min(_WINDOW, len(values))
-        hz, each = welch(_whole(values), 1 / period, nperseg=size, detrend="linear")
+        hz, each = welch(without_gaps(values), 1 / period, nperseg=size, detrend="linear")
         found.append(each)
     alike = [each for each in found if len(each) == len(hz)]
     return hz[1:], np.mean(alike, axis=0)[1:]
@@ -92,7 +92,7 @@ def near_reversals(rate: Array, slow: float, rows: int) -> NDArray[np.bool_]:
 
 def below(values: Array, period: float, hz: float) -> Array:
     """Readings (T,), which are NaN where lost, below a cutoff [Hz], without delay and without gaps."""
-    whole = _whole(values)
+    whole = without_gaps(values)
     if hz >= _NYQUIST * 0.5 / period:
         return whole
     rows_aside = min(len(whole) - 1, round(3 * _ORDER / (hz * period)))
@@ -106,6 +106,12 @@ def enough(cutoffs: Sequence[float], period: float) -> int:
     return max(1, int(1 / (_SAMPLED * max(cutoffs) * period)))
 
 
+def without_gaps(values: Array) -> Array:
+    """Readings (T,) without gaps, which are filled by straight lines; all are NaN where none is known."""
+    rows, known = np.arange(len(values)), np.isfinite(values)
+    return np.interp(rows, rows[known], values[known]) if known.any() else values
+
+
 def _one(angle: Array, period: float, hz: float) -> tuple[Array, Array, Array]:
     whole = below(angle, period, hz)
     rate = np.gradient(whole, period, edge_order=2)
@@ -113,9 +119,3 @@ def _one(angle: Array, period: float, hz: float) -> tuple[Array, Array, Array]:
     change[1:-1] = np.diff(whole, 2) / period**2
     change[[0, -1]] = change[[1, -2]]
     return whole, rate, change
-
-
-def _whole(values: Array) -> Array:
-    """Readings (T,) without gaps, which are filled by straight lines; all are NaN where none is known."""
-    rows, known = np.arange(len(values)), np.isfinite(values)
-    return np.interp(rows, rows[known], values[known]) if known.any() else values

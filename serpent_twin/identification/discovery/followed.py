@@ -29,6 +29,7 @@ _PERIODS = 3
 _PEAKS = 2
 """Frequencies of a swing that are tried at each place"""
 _AT_ONCE = 50
+"""Products that are transformed side by side"""
 _PLAYS = 2.0 ** -np.arange(2, 9)
 """Widths of a play that are tried, to the range of the angle that takes it up"""
 _LAGS = 2.0 ** np.arange(-5, 3)

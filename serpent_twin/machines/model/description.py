@@ -6,20 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 
 from serpent_twin.machines.model.numbers import NUMBERS
-from serpent_twin.residual import (
-    ACCELERATION,
-    ANGLE,
-    ANGULAR_VELOCITY,
-    FORCE,
-    LENGTH,
-    LOADS,
-    MAGNETIC_FIELD,
-    POSITION,
-    READING,
-    TORQUE,
-    VELOCITY,
-    Measure,
-)
+from serpent_twin.residual import LOADS, MEASURES, POSITION, Measure
 from serpent_twin.stored import Form, above, many, within
 from serpent_twin.units import TO_SI
 
@@ -41,18 +28,6 @@ KINDS = ("site", "joint", "sensor", "tendon", "actuator")
 """What of a model can be measured"""
 DRIVEN = ("actuator", "joint", "tendon")
 """What of it can be driven"""
-MEASURES = {
-    "m": LENGTH,
-    "rad": ANGLE,
-    "N": FORCE,
-    "N m": TORQUE,
-    "m/s": VELOCITY,
-    "rad/s": ANGULAR_VELOCITY,
-    "m/s²": ACCELERATION,
-    "T": MAGNETIC_FIELD,
-    "1": READING,
-}
-"""By SI unit"""
 
 
 class Column(Form, frozen=True):

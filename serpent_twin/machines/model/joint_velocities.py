@@ -4,10 +4,6 @@ import mujoco
 from msgspec.structs import replace
 
 from serpent_twin.machines.model.description import Description, MeasuredColumns
-from serpent_twin.machines.model.things import joint_type
-
-_SPEEDS = {"hinge": "rad/s", "slide": "m/s"}
-"""SI unit of a joint's velocity, by the joint's type"""
 
 
 def with_velocity_sensors(
@@ -26,11 +22,6 @@ def with_velocity_sensors(
         else:
             measured.append(each)
     return replace(about, measured=tuple(measured))
-
-
-def speed_unit(model: mujoco.MjModel, joint: str) -> str:
-    """SI unit of the velocity of a hinge or slide."""
-    return _SPEEDS[joint_type(model, joint)]
 
 
 def _free_sensor(model: mujoco.MjModel, joint: str, taken: set[str]) -> str:

@@ -32,15 +32,14 @@ def require_units(machine: Described, pieces: Segments, found: Array) -> None:
     """Refuse a column that follows the model, (S, T, C), or else the servo of its joint, but with the other
     sign, in another unit or before it is told to.
     """
-    at = 0
+    at, by_session = 0, _by_session(pieces)
     for each in machine.about.measured:
         parts = slice(at, at := at + len(each.columns))
         measured, like = pieces.measured[..., parts], found[..., parts]
-        by_session = _by_session(pieces)
         usual = np.median([abs(_correlation(measured[n], like[n])[0]) for n in by_session.values()])
+        known = bool(usual > _ALIKE)
         for session, of in by_session.items():
-            some, known = pieces.take(of), bool(usual > _ALIKE)
-            if why := _amiss(machine, each, some, measured[of], like[of], known):
+            if why := _amiss(machine, each, pieces.take(of), measured[of], like[of], known):
                 columns = ", ".join(map(repr, each.columns))
                 raise SerpentError(f"{machine.path}: {columns} of {session} {why}")
 

@@ -13,7 +13,6 @@ from serpent_twin.machines.model.described import Described
 from serpent_twin.machines.model.description import (
     ADVICE,
     KINDS,
-    MEASURES,
     MOTION,
     POSES,
     Description,
@@ -23,7 +22,7 @@ from serpent_twin.machines.model.description import (
 from serpent_twin.machines.model.drive_errors import amiss_in_drives
 from serpent_twin.machines.model.files import files
 from serpent_twin.machines.model.held import amiss_in_held, as_held
-from serpent_twin.machines.model.joint_velocities import speed_unit, with_velocity_sensors
+from serpent_twin.machines.model.joint_velocities import with_velocity_sensors
 from serpent_twin.machines.model.known import amiss_known
 from serpent_twin.machines.model.lines import with_line
 from serpent_twin.machines.model.masses import settle_total_mass, state_all
@@ -36,10 +35,12 @@ from serpent_twin.machines.model.things import (
     names,
     not_single,
     sensor_units,
+    speeds,
     unknown,
     wrong_unit,
 )
 from serpent_twin.numerals import listed
+from serpent_twin.residual import MEASURES
 from serpent_twin.units import TO_SI
 
 _EFFORT = ("N m", "N")
@@ -262,7 +263,7 @@ def _si_units(
     if kind == "joint" and prescribed:
         return (_EFFORT[joint_type(model, name) == "slide"],)
     if kind == "joint" and measured.of_velocity:
-        return (speed_unit(model, name),)
+        return speeds(model, name)
     if kind == "sensor":
         return sensor_units(model, name, tuple(MEASURES))
     if kind == "tendon":

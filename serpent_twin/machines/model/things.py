@@ -24,7 +24,6 @@ _JOINTS = {
 }
 _SENSED = {
     ("m",): "RANGEFINDER TENDONPOS FRAMEPOS SUBTREECOM GEOMDIST GEOMFROMTO",
-    ("rad",): "BALLQUAT",
     ("m/s",): "VELOCIMETER FRAMELINVEL SUBTREELINVEL",
     ("rad/s",): "GYRO BALLANGVEL FRAMEANGVEL",
     ("m/s²",): "ACCELEROMETER FRAMELINACC",
@@ -77,13 +76,19 @@ def lengths(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
     return ("m", "rad") if first == mujoco.mjtWrap.mjWRAP_JOINT else ("m",)
 
 
+def speeds(model: mujoco.MjModel, joint: str) -> tuple[str, ...]:
+    """SI units of the velocity of a hinge or slide."""
+    return tuple(f"{unit}/s" for unit in lengths(model, "joint", joint))
+
+
 def sensor_units(model: mujoco.MjModel, name: str, usual: tuple[str, ...]) -> tuple[str, ...]:
     """SI units of what a sensor of the model reads; the usual ones where MuJoCo does not say."""
     sensor = model.sensor(name)
     kind, at = int(sensor.type[0]), int(sensor.objid[0])
-    if kind in (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL):
-        length = "m" if joint_type(model, model.joint(at).name) == "slide" else "rad"
-        return (length + "/s" * (kind == mujoco.mjtSensor.mjSENS_JOINTVEL),)
+    if kind == mujoco.mjtSensor.mjSENS_JOINTPOS:
+        return lengths(model, "joint", model.joint(at).name)
+    if kind == mujoco.mjtSensor.mjSENS_JOINTVEL:
+        return speeds(model, model.joint(at).name)
     return _SENSOR_UNITS.get(kind, usual)
 
 
