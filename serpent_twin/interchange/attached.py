@@ -115,7 +115,8 @@ class Attached:
         if self._data.time == self._begun[0]:
             self._laws.lag()  # a program may set rates after it has attached
         elif not again:
-            self._run.advance(by_rates=self._laws.stage == mujoco.mjtStage.mjSTAGE_VEL)
+            self._run.tick()
+            self._laws.hold()
         self._kept = self._laws.kept()
         self._laws.act()
         self._run.obey()
@@ -123,7 +124,7 @@ class Attached:
     def _begin_laws(self) -> None:
         """Make the laws, with their memories, and the forces of the first instant."""
         mujoco.mj_forward(self._model, self._data)
-        self._run.hold()
+        self._run.tick()
         acting = Acting([self._on_state], Clocks(np.zeros(1), np.array([self._prior])))
         step = np.array([self._model.opt.timestep])
         self._laws = StateLaws(cast(Batch, self._run), acting, step, half=True)
@@ -132,5 +133,4 @@ class Attached:
         self._does = "push"
         mujoco.mj_forward(self._model, self._data)
         self._does = "nothing"
-        self._run.hold()
         self._laws.lag()

@@ -6,27 +6,17 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import field
 
-_FORCES = ("actuator_force", "qfrc_actuator")
-"""Forces that MuJoCo computes after its control callback: those of the step before"""
-_OF_RATES = ("qfrc_bias", "qfrc_spring")
-"""Forces that MuJoCo has computed where the callback begins"""
 _ADDED = ("qfrc_applied", "xfrc_applied")
 """What laws add; kept apart, as a program's own forces are in the simulation's"""
 
 
 class OneRun:
-    """A simulation as a batch of one run, inside MuJoCo's control callback. Arrays are of one run, (1, …).
-
-    Laws are written for a batch, in which forces are those of the time step before unless a law needs rates
-    of bodies. `advance` keeps them so.
-    """
+    """A simulation as a batch of one run, inside MuJoCo's control callback. Arrays are of one run, (1, …)."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self.model, self._data = model, data
-        own = {name: getattr(data, name)[None].copy() for name in (*_FORCES, *_OF_RATES)}
-        self._own = own | {name: np.zeros_like(getattr(data, name))[None] for name in _ADDED}
+        self._own = {name: np.zeros_like(getattr(data, name))[None] for name in _ADDED}
         self._own["time"] = np.array([data.time])
-        self._last = {name: own[name].copy() for name in _OF_RATES}
         self._usual: dict[str, Array] = {}
         self._written: dict[str, Array] = {}
 
@@ -44,21 +34,9 @@ class OneRun:
     def forward(self, stage: int = 0) -> None:
         """Compute nothing: MuJoCo has computed positions and rates before its callback."""
 
-    def hold(self) -> None:
-        """Take time and forces as they are now."""
+    def tick(self) -> None:
+        """Take the time as it is now."""
         self._own["time"][0] = self._data.time
-        for name in (*_FORCES, *_OF_RATES):
-            self._own[name][0] = getattr(self._data, name)
-
-    def advance(self, by_rates: bool) -> None:
-        """Take time and forces as a batch has them before a further time step; `by_rates`, if it computes
-        rates there.
-        """
-        last = {name: self._last[name].copy() for name in _OF_RATES}
-        self.hold()
-        if not by_rates:
-            for name in _OF_RATES:
-                self._own[name][...] = last[name]
 
     def obey(self) -> None:
         """Let MuJoCo go on with what laws have written: forces, and numbers of the model if they changed."""
@@ -67,8 +45,6 @@ class OneRun:
             mujoco.mj_fwdPosition(self.model, self._data)
             mujoco.mj_fwdVelocity(self.model, self._data)
         self.push()
-        for name in _OF_RATES:
-            self._last[name][0] = getattr(self._data, name)
 
     def push(self) -> None:
         """Add the laws' forces to the passive ones, which MuJoCo computes anew each time."""

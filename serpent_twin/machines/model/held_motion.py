@@ -180,7 +180,8 @@ class HeldMotion:
             motion = known.at[:, t], known.rate[:, t] / row, known.change[:, t] / row**2
             follows.put(*motion)
             if laws:
-                batch.forward(stage=laws.stage)
+                batch.forward()
+                laws.hold()
                 laws.act() if t else laws.start()
                 follows.put(*motion)
             batch.forward(stage=seen.stage)

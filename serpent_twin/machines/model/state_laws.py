@@ -29,11 +29,7 @@ from serpent_twin.machines.model.state_moment import (
     fixed,
 )
 
-_NOTHING, _POSITIONS, _RATES = (
-    mujoco.mjtStage.mjSTAGE_NONE,
-    mujoco.mjtStage.mjSTAGE_POS,
-    mujoco.mjtStage.mjSTAGE_VEL,
-)
+_RATES = mujoco.mjtStage.mjSTAGE_VEL
 
 
 class StateLaws:
@@ -43,6 +39,9 @@ class StateLaws:
     the last two. `beside` names places at which more may be changed than the effects do. `prescribed` are the
     joints that follow a known motion.
     """
+
+    stage = _RATES
+    """What of the state must be known before a time step: levers, bodies and the loads of joints"""
 
     def __init__(
         self,
@@ -80,20 +79,19 @@ class StateLaws:
         self._drives = (turned[:, None] == np.array(joints, int)).astype(float)
         self._gear = model.actuator_gear[self._motors, 0]
         self._all_of = self._of_all(joints)
-        self.stage = _RATES if self._bodies else _POSITIONS if self._tendons else _NOTHING
-        """What of the state must be known before a time step"""
         bind, expand = batch.bind, batch.expand
         self._qpos, self._qvel, self._clock = bind("qpos"), bind("qvel"), bind("time")
         self._gravity = expand("opt.gravity")
         self._weighs = self._gravity.copy()
         self._applied, self._pushed = bind("qfrc_applied"), bind("xfrc_applied")
-        self._force, self._entering = bind("actuator_force"), bind("qfrc_actuator")
+        self._forces = bind("actuator_force"), bind("qfrc_actuator")
         self._load, self._spring_load = bind("qfrc_bias"), bind("qfrc_spring")
         self._at, self._turned_to = bind("xipos"), bind("xmat")
         self._along = expand("tendon_frictionloss")
         self._own_along = self._along[:, self._tendons].copy()
         efforts = prescribed.efforts if prescribed else NO_EFFORTS
         self._friction = JointFriction(batch, self._v, self._winches.tolist(), efforts)
+        self.hold()
 
     def _of_all(self, joints: Sequence[int]) -> dict[str, NDArray[np.intp] | slice]:
         """Which places of each kind an effect without a place is at."""
@@ -121,6 +119,7 @@ class StateLaws:
 
     def first(self) -> StateMoment:
         """A run's first instant, or that of a pose at rest, with the changes of the effects."""
+        self.hold()
         self._rate, self._row = self._qvel.copy(), self._clock.copy()
         if self.seen:
             moment = self._moment(0.0 * self._dt, self._time, self._rate)
@@ -129,15 +128,22 @@ class StateLaws:
 
     def kept(self) -> tuple[Any, ...]:
         """What the next time step depends on beside the batch's state, for `recall`."""
-        return deepcopy((self._memory, self._rate))
+        return deepcopy((self._memory, self._rate, self._driving))
 
     def recall(self, kept: tuple[Any, ...]) -> None:
         """Go back to where `kept` was asked."""
-        self._memory, self._rate = deepcopy(kept)
+        self._memory, self._rate, self._driving = deepcopy(kept)
 
     def lag(self) -> None:
         """Take the batch's rates as those of half a time step before the first."""
         self._rate = self._qvel.copy()
+        self.hold()
+
+    def hold(self) -> None:
+        """Take what actuators gave in the time step before. A batch loses it where it then computes a stage
+        before forces: all runs of a thread have those of its last one.
+        """
+        self._driving = tuple(force.copy() for force in self._forces)
 
     def act(self) -> None:
         """Change what acts in the next time step."""
@@ -169,7 +175,8 @@ class StateLaws:
         """The memories of all runs where they begin, from what was measured before."""
         earlier, begun = self._acting.earlier, 0.0 * self._acting.clocks.begun[:, None]
         if earlier is None:
-            self._batch.forward(stage=_RATES)
+            self._batch.forward()
+            self.hold()
             return effects.begin(self._several, self._moment(0.0 * self._dt, begun, self._qvel))
         memory: list[Any] = []
         for k in range(int(earlier.rows.max()) + 1):
@@ -177,7 +184,8 @@ class StateLaws:
             self._qvel[...] = earlier.rate[earlier.session, k]
             told = earlier.told[earlier.session, k]
             self._batch.bind("ctrl")[:, : told.shape[1]] = told
-            self._batch.forward(stage=self.stage)
+            self._batch.forward()
+            self.hold()
             dt = np.where(k < earlier.rows, earlier.period, 0.0)[:, None]
             moment = self._moment(dt, k * earlier.period[:, None], self._qvel)
             memory = memory or effects.begin(self._several, moment)
@@ -192,8 +200,9 @@ class StateLaws:
         """All that is in an instant without effects."""
         n, springs = len(dt), self._springs
         free, told = springs.state(rate)
-        given = self._force[:, self._motors] * self._gear
-        other = self._entering[:, self._v] - given @ self._drives
+        force, entering = self._driving
+        given = force[:, self._motors] * self._gear
+        other = entering[:, self._v] - given @ self._drives
         other = other + self._load[:, self._v] - self._spring_load[:, self._v]
         other[:, self._winches] *= 2  # whose motion takes all that they carry
         angle, rates = self._qpos[:, self._q], rate[:, self._v]

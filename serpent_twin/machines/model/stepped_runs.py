@@ -217,26 +217,27 @@ class SteppedRuns:
         least = self._laws.stage if self._laws else _NOTHING
         if self.late:
             least = max(least, mujoco.mjtStage.mjSTAGE_POS, key=int)
-        for n in range(count):
+        for _ in range(count):
             if self._laws:
                 self._laws.act()
             if self._prescription:
                 self._prescription.follow(self._n)
-            last = n == count - 1 and not self._prescription
-            reached = max(stage if last else _NOTHING, least, key=int)
             if self._record:  # what a stage computes of the state that is reached is not the step's
                 self._record.begin()
-                self.batch.step(stage=_NOTHING)
+            self.batch.step(stage=_NOTHING if self._record else least)
+            if self._laws:
+                self._laws.hold()
+            if self._record:
                 self._record.end()
-                self.batch.forward(stage=reached)
-            else:
-                self.batch.step(stage=reached)
+                self.batch.forward(stage=least)
             self._n += 1
             if self.late and self.late.wants(self._n):
                 self.late.passes(self._n, self.read())
         if self._prescription and stage:
             self._prescription.seen(self._n)
-            self.batch.forward(stage=stage)
+        elif int(stage) <= int(least):
+            return
+        self.batch.forward(stage=stage)
 
     def _tell(self, told: Array) -> None:
         """Set the controls of the drives, (S, nu); the actuators after these belong to effects."""
