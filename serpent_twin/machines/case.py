@@ -86,7 +86,7 @@ class Case(Generic[P]):
 
     @property
     def weak_rounds(self) -> int:
-        """Limit of the rounds along weak directions that end the last fit."""
+        """Limit of the rounds that end the last fit, for what its numbers can hardly tell apart."""
         return self.machine.weak_rounds
 
     @property

@@ -199,7 +199,12 @@ class Machine(Protocol[P]):
 
     @property
     def weak_rounds(self) -> int:
-        """Limit of the rounds along weak directions that end the last fit; 0 where derivatives are exact."""
+        """Limit of the rounds that end the last fit, for what its numbers can hardly tell apart."""
+        ...
+
+    @property
+    def differentiates(self) -> bool:
+        """Whether derivatives by the model's numbers follow from one motion, not from differences."""
         ...
 
     @property

@@ -39,6 +39,7 @@ class LinearCase:
     channels: int = 3
     segments: tuple = (99, 99)
     weak_rounds: int = 0
+    differentiates: bool = False
     steps_of_derivative: int = 10
     adds_up: bool = False
     noise: np.ndarray = field(default_factory=lambda: np.ones(3))

@@ -6,6 +6,7 @@ effective sample size.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from serpent_twin.identification.fitting.far_steps import elsewhere
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import FreeParameters, between
 from serpent_twin.identification.fitting.objective import At, Objective
-from serpent_twin.identification.fitting.standard_errors import standard_errors
+from serpent_twin.identification.fitting.standard_errors import idealised, standard_errors
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -66,8 +67,8 @@ def fit(
     maybe fewer segments, the derivative is taken for the first steps instead of a simulation. The fit has
     converged when a new derivative gives no better step; with no steps it is the derivative at the start.
     Above the cost `near` there is no second derivative, and small steps are not worth it. In so many `rounds`
-    at most a fit is finished along what the data tell least. It may also go `far` with one number, after its
-    first derivative.
+    at most a fit is finished with what a twin idealises in mind. It may also go `far` with one number, after
+    its first derivative.
     """
     if steps is None:
         steps = case.steps_of_derivative
@@ -100,7 +101,7 @@ def fit(
         if (settled or at.cost > near) and (n or not carried):
             break
     if rounds:
-        at, jacobian, settled = weak_steps.follow(problem, at, jacobian, rounds, on_progress)
+        at, jacobian, settled = _finished(problem, at, jacobian, rounds, steps, small, on_progress)
     at = problem.exact(at)
     inflation, noise = problem.variance_inflation, case.noise
     told = (jacobian, at.residual, inflation, problem.prior)
@@ -110,6 +111,44 @@ def fit(
         settled = settled or bool((late < _STILL).all())
     about = (error, correlation, settled, jacobian, at.residual, used, noise)
     return Fit(at.point, free, at.cost, inflation, *about)
+
+
+def _finished(
+    problem: Objective,
+    at: At,
+    jacobian: Array,
+    rounds: int,
+    steps: int,
+    small: Callable[[At, At], bool],
+    on_progress: OnProgress,
+) -> tuple[At, Array, bool]:
+    """Where a fit ends after so many rounds at most, the derivative there, and whether the last round moved
+    it by less than half a standard error.
+
+    No twin is exact, and its simplifications add up over thousands of rows as if they were information: a
+    time step of a millisecond is enough to prefer forces that are a third too small. The data therefore weigh
+    less: half a percent of the residual's squares counts as one. A derivative that is right tells of what
+    they hardly tell, too; where it is dear, and so of differences, the fit goes along that by itself.
+    """
+    inflation, gained = problem.variance_inflation, np.inf
+    problem.variance_inflation = max(inflation, idealised(at.residual))
+    at = replace(at, cost=problem.cost(at.residual, at.point))
+    for n in range(rounds):
+        on_progress(
+            f"round {n + 1} of {rounds} of what numbers can hardly tell apart: cost {at.cost:.0f}"
+        )
+        before = at.cost
+        if problem.case.machine.differentiates:
+            at, jacobian = problem.again(at.point)
+            at, jacobian = descend(problem, at, jacobian, steps, small)
+        else:
+            at, jacobian = weak_steps.follow(problem, at, jacobian)
+        gained = before - at.cost
+        if gained < _SETTLED:
+            break
+    problem.variance_inflation = inflation
+    at = replace(at, cost=problem.cost(at.residual, at.point))
+    return at, jacobian, gained < 2 * _SETTLED
 
 
 def derives_cheaply(case: Case[Any]) -> bool:

@@ -5,14 +5,8 @@ stiffnesses, frictions and forces times one factor. Each of them alone changes m
 its finite difference, a few per cent, passes for information on the combination: the fit then stops where it
 happened to come in, and its standard errors are too small. So the residual is differentiated along these
 combinations themselves, by central differences, and the fit follows them and its priors to the end.
-
-No twin is exact, and its simplifications add up over thousands of rows as if they were information: a time
-step of a millisecond is enough to prefer forces that are a third too small. Along these directions, the data
-therefore weigh less: half a percent of the residual's squares counts as one.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +19,6 @@ from serpent_twin.identification.fitting.free_parameters import (
     straight,
 )
 from serpent_twin.identification.fitting.objective import At, Objective, least
-from serpent_twin.identification.fitting.standard_errors import idealised
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -41,39 +34,18 @@ _STEPS = (1.0, 0.5, 0.2)
 """Shares of a step that are tried side by side"""
 _CORRECTIONS = 3
 """Times that what a step's curvature changes is taken back"""
-_WORTH = 0.5
-"""A step that reduces the cost by less is the last"""
 
 
-def follow(
-    problem: Objective,
-    at: At,
-    jacobian: Array,
-    rounds: int,
-    on_progress: Callable[[str], None],
-) -> tuple[At, Array, bool]:
-    """A parameter vector from which no weak direction leads to a lower cost, after so many rounds at most,
-    the Jacobian there, and whether the last round moved it by less than half a standard error. The Jacobian
-    is in double precision: rounding to single precision would give back part of the false information.
+def follow(problem: Objective, at: At, jacobian: Array) -> tuple[At, Array]:
+    """A parameter vector to which weak directions lead, of lower cost if there is one, and the Jacobian that
+    they were found with. That is in double precision: rounding to single precision would give back part of
+    the false information.
     """
-    inflation = problem.variance_inflation
-    problem.variance_inflation = max(inflation, idealised(at.residual))
-    at = replace(at, cost=problem.cost(at.residual, at.point))
     width = _widths(problem.case, problem.free, at.point)
     scaled = jacobian.reshape(len(width), -1).astype(float) * width[:, None]
-    gained = np.inf
-    for n in range(rounds):
-        on_progress(
-            f"what numbers can hardly tell apart, round {n + 1} of {rounds}: cost {at.cost:.0f}"
-        )
-        weak = _differentiated(problem, at, scaled, width)
-        taken = _stepped(problem, at, scaled, width, weak)
-        gained, at = at.cost - taken.cost, taken
-        if gained < _WORTH:
-            break
-    problem.variance_inflation = inflation
-    at = replace(at, cost=problem.cost(at.residual, at.point))
-    return at, (scaled / width[:, None]).reshape(jacobian.shape), gained < 2 * _WORTH
+    weak = _differentiated(problem, at, scaled, width)
+    taken = _stepped(problem, at, scaled, width, weak)
+    return taken, (scaled / width[:, None]).reshape(jacobian.shape)
 
 
 def _differentiated(problem: Objective, at: At, scaled: Array, width: Array) -> Array:

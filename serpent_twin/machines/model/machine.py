@@ -42,7 +42,7 @@ from serpent_twin.tables.segments import Segments
 _STEPS = 2, 10
 """Steps that a derivative serves by few and by many numbers"""
 _ROUNDS_IN_MOTION = 2
-"""Rounds along weak directions of a motion: without any, all torques of a joint may keep a common factor by
+"""Rounds that end the last fit of a motion: without any, all torques of a joint may keep a common factor by
 which a search happened to come in (friction of 0.124 for 0.08 N m)
 """
 _MANY, _ROUNDS = 12, (8, 2)
@@ -72,14 +72,21 @@ class ModelMachine(SimulatedModel):
 
     @property
     def weak_rounds(self) -> int:
-        """Fewer for motions, and for many joints: a round takes some seventy simulations of all segments;
-        none where derivatives follow from one motion: they tell of a weak direction what its dynamics do.
+        """Fewer for motions, which take one derivative a round, and for many joints: without it, a round
+        takes some seventy simulations of all segments; none for many numbers, whose fit is all derivatives.
         """
         if self._along_one_motion:
             return 0
-        if self.described.about.rows == MOTION:
+        if self.differentiates:
             return _ROUNDS_IN_MOTION
         return _ROUNDS[self.described.model.nv > _MANY]
+
+    @property
+    def differentiates(self) -> bool:
+        """Whether derivatives by the model's numbers follow from one motion: they tell of what these can
+        hardly tell apart what its dynamics do.
+        """
+        return self.described.about.rows == MOTION
 
     @property
     def candidates(self) -> Mapping[str, Candidate]:
@@ -194,7 +201,7 @@ class ModelMachine(SimulatedModel):
         """Derivatives by the model's numbers along one motion, where that is quicker than one simulation each
         and right.
         """
-        if self.described.about.rows != MOTION:
+        if not self.differentiates:
             return {}
         stepped = partial(self._stepped, point)
         with quietly(), np.errstate(all="ignore"):
