@@ -17,6 +17,11 @@ from serpent_twin.tables.segments import Segments
 
 _IMPROVED = 4
 """Times, enough for a machine that is heavier by a half than the model whose gains they are"""
+_LONGER = 2
+"""Times longer that time steps may be in the lead, which is simulated again and again, up to the model's own:
+that puts a start off by a hundredth of the noise; of four times longer steps, by so much that noise asks for
+more of them
+"""
 _DIFFERENCE = 1e-4  # [rad], [rad/s]
 _FAR = 20.0
 """Times the noise, by which a start may be off in what the lead hardly shows"""
@@ -81,12 +86,16 @@ class DrivenMotion:
         )
 
     def _begun(self) -> SteppedRuns:
-        runs = SteppedRuns(self.driven, self.seen, self.steps, self.acting)
-        state = self.start.state
+        runs, state = self._runs(self.steps), self.start.state
         if self.gain is not None:
-            state = _improved(runs, self.start, self.gain, self.reading)
+            state = _improved(
+                self._runs(self.steps // _LONGER), self.start, self.gain, self.reading
+            )
         runs.begin(self.start, state)
         return runs
+
+    def _runs(self, steps: int) -> SteppedRuns:
+        return SteppedRuns(self.driven, self.seen, steps, self.acting)
 
 
 @dataclass(frozen=True)
