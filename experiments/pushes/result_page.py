@@ -18,9 +18,9 @@ _INTRODUCTION = """A controller swings the [double pendulum](measured-logs.md) o
 torque is added to the command of each joint, and logged. The estimate uses neither pulses nor currents.
 Inverse dynamics of the twin say which torque the measured motion needs; what the commands do not give of it
 is the external torque, here below {hz:.2g} Hz. The twin was fitted to two other logs, in which nothing
-pushes, and the threshold at each joint is what their noise, if it were Gaussian, would exceed at a rate of
-{rate:g} per minute. The push felt at a pulse is the strongest at its joint while the pulse is above {acts:.0f} % of its
-peak."""
+pushes, and the threshold at each joint is what their noise, if it were Gaussian, would exceed at a rate
+of {rate:g} per minute. The push felt at a pulse is the strongest at its joint while the pulse is above
+{acts:.0f} % of its peak."""
 _ALARMS = """Felt where no pulse acts at any joint: in {unpushed:.1f} s of two logs that nothing pushes and
 that nothing was fitted to, and in {pushed:.1f} s of the log with pulses. *Beyond the command* is what the
 drive gave then besides command and pulse, by its current: a drive that does not give what it is commanded is
