@@ -11,9 +11,10 @@ from serpent_twin.effects import ranges
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.held_motion import with_smoothed
 from serpent_twin.machines.model.masses import state_all
 from serpent_twin.machines.model.numbers import change_number
-from serpent_twin.machines.rig import read_logs
+from serpent_twin.machines.rig import NOTES, read_logs
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,17 @@ def test_files_given_one_by_one_are_filtered_alike(tmp_path):
     fine, coarse = (rig.read(log)[0].period for log in logs)
     one, other = (log.period for log in read_logs(rig, logs))
     assert fine < one == other <= coarse
+
+
+def test_every_row_is_kept_below_a_highest_cutoff(tmp_path):
+    rig = open_machine(EXAMPLE.write(tmp_path))
+    logs = rig.recorded(held_models.log(tmp_path / "log.csv", 0))
+    usual, low = (with_smoothed(rig.described, logs, hz)[0] for hz in (np.inf, 2.0))
+    (every,) = with_smoothed(rig.described, logs, every_row=True)
+    assert "shoulder 2 Hz, elbow 2 Hz" in low.metadata[NOTES][-1]
+    assert len(low) < len(usual) < len(every) == len(logs[0])
+    lost = [np.isnan(run.columns["i1"]).mean() for run in (usual, every)]
+    assert lost[1] < 0.5 * lost[0]
 
 
 def rows_of(arm, column):

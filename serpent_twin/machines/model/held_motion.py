@@ -39,23 +39,28 @@ _DELAY = 0.1
 _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
 
 
-def with_smoothed(machine: Described, runs: Sequence[Log]) -> list[Log]:
-    """Logs in which motion and torques are filtered alike, with rates and accelerations per row; one row is
-    kept of several that say the same. Nothing counts as measured at both ends, where a filter is uncertain,
-    nor a joint's torque where that joint reverses: a filter rounds off how friction changes sides.
+def with_smoothed(
+    machine: Described, runs: Sequence[Log], highest: float = np.inf, every_row: bool = False
+) -> list[Log]:
+    """Logs in which motion and torques are filtered alike, by a cutoff of `highest` [Hz] at most, with rates
+    and accelerations per row; one row is kept of several that say the same. Nothing counts as measured at
+    both ends, where a filter is uncertain, nor a joint's torque where that joint reverses: a filter rounds
+    off how friction changes sides. With `every_row`, all rows are kept, and those near reversals count.
     """
     period = runs[0].period
     filters = {
-        each.joint: _filter(machine, each.joint, each.column, runs) for each in machine.prescribed
+        each.joint: _filter(machine, each.joint, each.column, runs, highest)
+        for each in machine.prescribed
     }
-    every = max(machine.about.every, enough([each.hz for each in filters.values()], period))
+    least = enough([each.hz for each in filters.values()], period)
+    every = 1 if every_row else max(machine.about.every, least)
     said = ", ".join(f"{joint} {each.hz:.3g} Hz" for joint, each in filters.items())
     of_rates = "".join(f"; {each.said}" for each in filters.values() if each.said)
     note = (
         f"Motion and torques are filtered, without delay, where noise of the motion begins: {said}; "
         f"every {every * period:.3g} s there is a row{of_rates}."
     )
-    return [_with_smoothed(machine, filters, run, every, note) for run in runs]
+    return [_with_smoothed(machine, filters, run, every, note, every_row) for run in runs]
 
 
 @dataclass(frozen=True)
@@ -81,12 +86,14 @@ class _Filter:
         return replace(found, rate=rate[:, None], acceleration=change[:, None])
 
 
-def _filter(machine: Described, joint: str, column: str, runs: Sequence[Log]) -> _Filter:
+def _filter(
+    machine: Described, joint: str, column: str, runs: Sequence[Log], highest: float
+) -> _Filter:
     """How the motion of a joint follows from its columns in several runs: accelerations by the velocity where
     that is off by less than the derivative of the angle.
     """
     period, angles = runs[0].period, [run.columns[column] for run in runs]
-    hz = cutoff(angles, period)
+    hz = min(cutoff(angles, period), highest)
     logged = next((each for each in machine.velocities if each.joint == joint), None)
     if logged is None:
         return _Filter(column, hz)
@@ -102,7 +109,8 @@ def _filter(machine: Described, joint: str, column: str, runs: Sequence[Log]) ->
         else ""
     )
     said = f"{velocity!r} is differentiated once{late}: {beside}"
-    return _Filter(column, cutoff(rates, period, 1), velocity, found, said)
+    hz = min(cutoff(rates, period, 1), highest)
+    return _Filter(column, hz, velocity, found, said)
 
 
 def _with_smoothed(
@@ -111,6 +119,7 @@ def _with_smoothed(
     run: Log,
     every: int,
     note: str,
+    reversals: bool,
 ) -> Log:
     motions, more = {joint: each.motion(run) for joint, each in filters.items()}, dict[str, Array]()
     for joint, motion in motions.items():
@@ -126,7 +135,7 @@ def _with_smoothed(
         turns = _reversals(motions[each.joint].rate[:, 0], round(_ROUNDED / (hz * run.period)))
         for name in each.columns:
             values = run.columns[name]
-            known = amid & ~turns & np.isfinite(values)
+            known = amid & (reversals | ~turns) & np.isfinite(values)
             more[name] = np.where(known, below(values, run.period, hz), np.nan)
     notes = (*run.metadata.get(NOTES, ()), note)
     columns = {name: of[::every] for name, of in (run.columns | more).items()}
