@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     Unit = NumberName = KnownName = str
 else:
     Unit = Literal[tuple(TO_SI)]
-    NumberName = Literal[tuple(NUMBERS)]
-    KnownName = Literal[tuple(name for name, kind in NUMBERS.items() if not kind.added)]
+    NumberName = Literal[tuple(name for name, kind in NUMBERS.items() if kind.uncertain)]
+    KnownName = Literal[
+        tuple(n for n, kind in NUMBERS.items() if not (kind.added and kind.uncertain))
+    ]
 Number = Annotated[float, within(-1e9, 1e9)]
 Name = Annotated[str, msgspec.Meta(min_length=1)]
 Vector = Annotated[tuple[Number, ...], many(3)]
@@ -190,16 +192,20 @@ class Uncertain(Form, frozen=True):
 
 
 class KnownNumber(Form, frozen=True):
-    """A number of the model that each session states."""
+    """A number of the model that is known in sessions."""
 
     number: KnownName
-    """Kind of number, one of the table below that is not added"""
+    """Kind of number, one of the table below that is not added, or `load`"""
     of: Name
-    """Name of a joint, actuator or body"""
-    columns: Annotated[tuple[Name, ...], many(1, 3)]
+    """Name of a joint, actuator or body; of a load, a site"""
+    columns: Annotated[tuple[Name, ...], many(0, 3)] = ()
     """Columns that are constant in a session, or entries of the log's metadata; of several, the product"""
     scale: Annotated[float, above(0.0, 1e9)] = 1.0
     """SI value = scale × product"""
+    value: Number | None = None
+    """SI value, where no columns state it"""
+    sessions: Annotated[tuple[Name, ...], many(1, 1000)] = ("*",)
+    """Names of these sessions or their files, with wildcards; others have the model's number"""
 
 
 class Description(Form, frozen=True):
