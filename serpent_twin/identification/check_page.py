@@ -21,18 +21,17 @@ MOST_ROWS = 15
 def page(found: Identifiability, facts: Mapping[str, str]) -> Report:
     """The report of a check: effects, parameters and their combinations, motors and joints."""
     directions = "\n\n".join(f"• {each}." for each in found.directions)
-    apart = (Section("What they cannot separate", _COMBINED, (combined(found),)),)
     sections = (
         effects_section(found),
         Section("Which parameters they can tell", _PARAMETERS, (parameters(found),)),
-        *(apart if found.combined else ()),
+        combined_section(found),
         Section("What they tell least", f"{_DIRECTIONS}\n\n{directions}"),
         Section("Which motion", _INPUTS, (inputs(found),)),
     )
     return Report(
         f"What the logs in {facts.get('logs', 'a folder')} can tell",
         " ".join([found.sentence(), *found.notes]),
-        sections,
+        tuple(each for each in sections if each),
         facts,
     )
 
@@ -83,12 +82,19 @@ def parameters(found: Identifiability) -> Table:
     return Table.of(least, columns, note)
 
 
+def combined_section(found: Identifiability) -> Section | None:
+    """Changes of parameters that no row shows, if there are any."""
+    if not found.combined:
+        return None
+    return Section("What they cannot separate", _COMBINED, (combined(found),))
+
+
 def combined(found: Identifiability) -> Table:
     """The parameters that no row determines, and changes of several that no row shows."""
     alone = [str(each) for each in found.combined if len(each.changes) == 1]
-    rows = [(listed(alone), NOTHING)] if alone else []
-    rows += [(str(each), each.told) for each in found.combined if len(each.changes) > 1]
-    columns = {"changes that no row shows": lambda row: row[0], "determined": lambda row: row[1]}
+    rows = [(NOTHING, listed(alone))] if alone else []
+    rows += [(each.told, str(each)) for each in found.combined if len(each.changes) > 1]
+    columns = {"determined": lambda row: row[0], "changes that no row shows": lambda row: row[1]}
     note = (
         f"{counted(len(found.combined), 'combination')} of {counted(len(found.parameters), 'parameter')} "
         "that the logs narrow by less than 5 %. In a fit they stay where the prior has them."

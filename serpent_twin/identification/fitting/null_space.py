@@ -24,7 +24,9 @@ _LEAST = 0.05
 deviation is left out as a direction may be narrowed that counts as unknown
 """
 _ROUNDING = 1e-6
-"""Share of a change beyond others from which it is independent of them, and of an equal one"""
+"""Share of a change beyond others from which it is independent of them"""
+_DIGITS = 6
+"""Digits to which changes are equal, and are listed in the order of the parameters"""
 NOTHING, _SUM = "nothing", "the sum of what they do"
 _LOG = "log "
 """Beginning of the unit of a parameter that is the logarithm of a number"""
@@ -45,15 +47,12 @@ class NullCombination:
         if len(self.changes) == 1:
             return NOTHING
         sizes = np.array([*self.changes.values()])
-        if set(self.units.values()) == {"%"} and np.ptp(np.abs(sizes)) < _LEAST * abs(sizes[0]):
-            return (
-                "their ratios"
-                if (sizes > 0).all()
-                else "their product"
-                if len(sizes) == 2
-                else _SUM
-            )
-        return _SUM
+        factors = set(self.units.values()) == {"%"}
+        if not factors or np.ptp(np.abs(sizes)) > _LEAST * sizes[0]:
+            return _SUM
+        if (sizes > 0).all():
+            return "their ratios"
+        return "their product" if len(sizes) == 2 else _SUM
 
     def __str__(self) -> str:
         """The changes in words, such as `mass of upper +10 % and scale of i1 +10 %`."""
@@ -124,8 +123,9 @@ def _independent(candidates: Sequence[Array], count: int) -> list[Array]:
 
 def _combination(declared: Sequence[Declared], x: Array, width: Array) -> NullCombination:
     """A change in standard deviations of priors, (P,), by the parameters that it moves."""
-    x = x / x[np.argmax(np.abs(x))]
-    large = [k for k in np.argsort(-np.abs(x), kind="stable") if abs(x[k]) > _LEAST]
+    size = np.round(np.abs(x) / np.abs(x).max(), _DIGITS)
+    large = [k for k in np.argsort(-size, kind="stable") if size[k] > _LEAST]
+    x = x / x[large[0]]
     factor = [declared[k].unit.startswith(_LOG) for k in large]
     by = [float(x[k] * width[k]) * (100 if of else 1) for k, of in zip(large, factor, strict=True)]
     units = ["%" if of else declared[k].unit for k, of in zip(large, factor, strict=True)]
