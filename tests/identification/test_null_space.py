@@ -22,7 +22,7 @@ MJCF = f"""<mujoco>
       <inertial pos="0.02 0 -0.25" mass="3" diaginertia="0.05 0.06 0.02"/>
       <body name="lower" pos="0 0 -{LENGTH}">
         <joint name="elbow" axis="0 -1 0"/>
-        <inertial pos="-0.01 0 -0.2" mass="2" diaginertia="0.03 0.04 0.02"/>
+        <inertial pos="-0.02 0 -0.2" mass="2" diaginertia="0.03 0.04 0.02"/>
       </body>
     </body>
   </worldbody>

@@ -23,10 +23,8 @@ _LEAST = 0.05
 """Change that is named, of the largest of a combination in standard deviations of priors: as little of a
 deviation is left out as a direction may be narrowed that counts as unknown
 """
-_ROUNDING = 1e-6
-"""Share of a change beyond others from which it is independent of them"""
-_DIGITS = 6
-"""Digits to which changes are equal, and are listed in the order of the parameters"""
+_DIGITS = 2
+"""Decimals to which changes are compared: equal ones are listed in the order of the parameters"""
 NOTHING, _SUM = "nothing", "the sum of what they do"
 _LOG = "log "
 """Beginning of the unit of a parameter that is the logarithm of a number"""
@@ -82,18 +80,17 @@ def null_combinations(
     null = information < 1 / UNTOLD**2 - 1
     if not null.any():
         return ()
-    sparse = sorted(_sparse(along, null), key=_size)
+    sparse = sorted(_sparse(along[:, null], along[:, ~null]), key=_size)
     basis = _independent([*sparse, *along[:, null].T], int(null.sum()))
     return tuple(_combination(declared, x, width) for x in basis)
 
 
-def _sparse(along: Array, null: Array) -> Iterator[Array]:
+def _sparse(hidden: Array, shown: Array) -> Iterator[Array]:
     """Changes in the null space of least sum of absolute values, for each parameter in which it is 1."""
-    shown = along[:, ~null].T
-    for k in np.flatnonzero(np.abs(along[:, null]).max(axis=1) > _LEAST):
-        one = np.eye(len(along))[k]
-        equal = np.vstack([shown, one])
-        values = np.r_[np.zeros(len(shown)), 1.0]
+    for k in np.flatnonzero(np.abs(hidden).max(axis=1) > _LEAST):
+        one = np.eye(len(shown))[k]
+        equal = np.vstack([shown.T, one])
+        values = np.r_[np.zeros(shown.shape[1]), 1.0]
         found = scipy.optimize.linprog(
             np.ones(2 * len(one)), A_eq=np.hstack([equal, -equal]), b_eq=values
         )
@@ -108,12 +105,14 @@ def _size(x: Array) -> tuple[int, float]:
 
 
 def _independent(candidates: Sequence[Array], count: int) -> list[Array]:
-    """The first so many changes of which none follows from those before it."""
+    """The first so many changes of which none is named as those before it together. The last candidates are
+    an orthonormal basis, so that there are enough.
+    """
     found, basis = list[Array](), np.zeros((0, len(candidates[0])))
     for each in candidates:
         beyond = each - basis.T @ (basis @ each)
         beyond -= basis.T @ (basis @ beyond)
-        if (size := np.linalg.norm(beyond)) > _ROUNDING * np.linalg.norm(each):
+        if (size := np.linalg.norm(beyond)) > _LEAST * np.linalg.norm(each):
             basis = np.vstack([basis, beyond / size])
             found.append(each)
         if len(found) == count:
@@ -123,9 +122,10 @@ def _independent(candidates: Sequence[Array], count: int) -> list[Array]:
 
 def _combination(declared: Sequence[Declared], x: Array, width: Array) -> NullCombination:
     """A change in standard deviations of priors, (P,), by the parameters that it moves."""
-    size = np.round(np.abs(x) / np.abs(x).max(), _DIGITS)
-    large = [k for k in np.argsort(-size, kind="stable") if size[k] > _LEAST]
-    x = x / x[large[0]]
+    x = x / np.abs(x).max()
+    order = np.argsort(-np.round(np.abs(x), _DIGITS), kind="stable")
+    large = [k for k in order if abs(x[k]) > _LEAST]
+    x *= np.sign(x[large[0]])
     factor = [declared[k].unit.startswith(_LOG) for k in large]
     by = [float(x[k] * width[k]) * (100 if of else 1) for k, of in zip(large, factor, strict=True)]
     units = ["%" if of else declared[k].unit for k, of in zip(large, factor, strict=True)]
