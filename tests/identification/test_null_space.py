@@ -114,7 +114,7 @@ def test_six_of_twenty_inertia_numbers_are_base_parameters(found):
 
 
 def test_a_change_that_no_row_shows_leaves_the_base_parameters(found):
-    """To first order: per change, what is left of the parameters is of second order."""
+    """Slopes of the base parameters are below 2 % of them per prior deviation: small changes go unnamed."""
     usual = base(spec().compile())
     for each in found[1]:
         by = 1e-4

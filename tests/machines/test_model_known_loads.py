@@ -94,7 +94,7 @@ def test_without_a_known_load_constants_and_masses_have_one_factor(tmp_path, kno
 def test_a_note_says_which_sessions_carry_a_load(tmp_path):
     machine, logs = written(tmp_path, TOML + KNOWN)
     (note,) = (each for each in notes_on(open_machine(machine).read(logs)) if "load" in each)
-    assert note == "The load of tip is 2 kg in loaded_0 and loaded_1."
+    assert note == "machine.toml states 2 for the load of tip in loaded_0 and loaded_1."
     none = logs / "bare_0.csv"
     assert any(
         "in no session: none is named loaded_*" in n

@@ -117,7 +117,7 @@ def _change(machine: Described, known: KnownNumber, value: float) -> float:
 def with_known_noted(machine: Described, sessions: Sequence[Log]) -> list[Log]:
     """Sessions, the first of which has a sentence on each number that machine.toml states for some."""
     notes = tuple(
-        f"The {each.number} of {each.of} is {each.value:g} {NUMBERS[each.number].unit} in "
+        f"machine.toml states {each.value:g} for the {each.number} of {each.of} in "
         + (listed(_that_state(sessions, n)) or f"no session: none is named {listed(each.sessions)}")
         + "."
         for n, each in enumerate(machine.about.known)
