@@ -18,8 +18,10 @@ from serpent_twin.numerals import listed
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.segments import Segments
 
-STATED = "stated"
-"""Key in a session's metadata: the value of each `[[known]]` number, None where that is the model's"""
+STATED, VALUES = "stated", "known_values"
+"""Keys in a session's metadata: what its log states, by name, and the value of each `[[known]]` number, None
+where that is the model's
+"""
 Factor = tuple[str, int, float]
 """Kind of a number, of which thing, and how many times the model's it is, or how much is added to that"""
 
@@ -44,13 +46,11 @@ def amiss_known(about: Description, model: mujoco.MjModel) -> Iterator[tuple[str
         there.add(which)
 
 
-def stated(
-    machine: Described, session: Log, metadata: Mapping[str, Any]
-) -> tuple[float | None, ...]:
-    """The value in a session of each `[[known]]` number, None where that is the model's; raises a
-    `SerpentError` that says which is none, not constant, of the wrong sign, or stated twice.
+def stated(machine: Described, session: Log, metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """The metadata of a session's `[[known]]` numbers; raises a `SerpentError` that says which is none, not
+    constant, of the wrong sign, or stated twice.
     """
-    found = list[float | None]()
+    found, parts = list[float | None](), dict[str, float]()
     there = set[tuple[str, str]]()
     for each in machine.about.known:
         if not any(is_named(session, pattern) for pattern in each.sessions):
@@ -62,15 +62,16 @@ def stated(
                 f"{session.name}. Name it under sessions of one of them alone."
             )
         there.add(which)
-        found.append(_value(machine, session, each, metadata))
-    return tuple(found)
+        own = {name: _stated(session, name, metadata) for name in each.columns}
+        found.append(_value(machine, session, each, own))
+        parts |= own
+    return {STATED: parts, VALUES: tuple(found)}
 
 
 def _value(
-    machine: Described, session: Log, known: KnownNumber, metadata: Mapping[str, Any]
+    machine: Described, session: Log, known: KnownNumber, parts: Mapping[str, float]
 ) -> float:
-    """The value of a number in a session, which has the sign of the model's."""
-    parts = {name: _stated(session, name, metadata) for name in known.columns}
+    """The value of a number in a session, by what its log states, which has the sign of the model's."""
     value = known.scale * float(np.prod([*parts.values()])) if known.value is None else known.value
     own, by = _model_value(machine, known), _change(machine, known, value)
     added = NUMBERS[known.number].added
@@ -132,7 +133,7 @@ def with_known_noted(machine: Described, sessions: Sequence[Log]) -> list[Log]:
 
 def _that_state(sessions: Sequence[Log], n: int) -> list[str]:
     """Names of the sessions in which a `[[known]]` number is not the model's."""
-    return [each.name for each in sessions if each.metadata[STATED][n] is not None]
+    return [each.name for each in sessions if each.metadata[VALUES][n] is not None]
 
 
 def _factors(machine: Described, metadata: Mapping[str, Any]) -> tuple[Factor, ...]:
@@ -143,7 +144,7 @@ def _factors(machine: Described, metadata: Mapping[str, Any]) -> tuple[Factor, .
             names_of(machine.model, each.number).index(each.of),
             _change(machine, each, value),
         )
-        for each, value in zip(machine.about.known, metadata.get(STATED, ()), strict=False)
+        for each, value in zip(machine.about.known, metadata.get(VALUES, ()), strict=False)
         if value is not None
     )
 
