@@ -74,9 +74,9 @@ def _machine_page() -> str:
         "write one.\n"
     )
     numbers = (
-        "## Numbers of a model\n\nThe prior is the standard deviation of the logarithm of the ratio to the "
-        "model's number. A number that is *added* has a prior in its own unit, of a slide in mm in place of "
-        "°. What calibration fits by default is fitted only where it is not zero in the model.\n"
+        "## Numbers of a model\n\nPriors are standard deviations of the logarithm of the ratio to the "
+        "model's number; that of an *added* number is in its own unit, of a slide in mm in place of °. By "
+        "default, calibration fits only what is not zero in the model.\n"
     )
     rows = "\n".join(_number_rows())
     return "\n".join(
@@ -225,6 +225,8 @@ def _number_rows() -> Iterator[str]:
 
 
 def _number_row(name: str, kind: NumberKind) -> str:
+    if not kind.uncertain:
+        return f"| `{name}` | {kind.of} | {kind.unit} | `[[known]]` alone | |"
     prior = f"{kind.prior:g} {kind.unit}" if kind.added else f"{kind.prior:g}"
     added = ", added" if kind.added else ""
     otherwise = "torque" if kind.held else "no"

@@ -115,7 +115,10 @@ def _checked(
 
 
 def _print(found: Identifiability) -> None:
-    for table in (check_page.effects(found), check_page.parameters(found)):
+    tables = [check_page.effects(found), check_page.parameters(found)]
+    if found.combined:
+        tables.append(check_page.combined(found))
+    for table in tables:
         print(f"\n{text_table(table)}\n{table.note}")
     if found.notes:
         print("\n" + "\n".join(found.notes))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.acceptance import MIN_GAIN, MIN_Z
+from serpent_twin.identification.fitting.null_space import NOTHING
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
@@ -23,13 +24,14 @@ def page(found: Identifiability, facts: Mapping[str, str]) -> Report:
     sections = (
         effects_section(found),
         Section("Which parameters they can tell", _PARAMETERS, (parameters(found),)),
+        combined_section(found),
         Section("What they tell least", f"{_DIRECTIONS}\n\n{directions}"),
         Section("Which motion", _INPUTS, (inputs(found),)),
     )
     return Report(
         f"What the logs in {facts.get('logs', 'a folder')} can tell",
         " ".join([found.sentence(), *found.notes]),
-        sections,
+        tuple(each for each in sections if each),
         facts,
     )
 
@@ -78,6 +80,26 @@ def parameters(found: Identifiability) -> Table:
         "known; in brackets, the correlation."
     )
     return Table.of(least, columns, note)
+
+
+def combined_section(found: Identifiability) -> Section | None:
+    """Changes of parameters that no row shows, if there are any."""
+    if not found.combined:
+        return None
+    return Section("What they cannot separate", _COMBINED, (combined(found),))
+
+
+def combined(found: Identifiability) -> Table:
+    """The parameters that no row determines, and changes of several that no row shows."""
+    alone = [str(each) for each in found.combined if len(each.changes) == 1]
+    rows = [(NOTHING, listed(alone))] if alone else []
+    rows += [(each.told, str(each)) for each in found.combined if len(each.changes) > 1]
+    columns = {"determined": lambda row: row[0], "changes that no row shows": lambda row: row[1]}
+    note = (
+        f"{counted(len(found.combined), 'combination')} of {counted(len(found.parameters), 'parameter')} "
+        "that the logs narrow by less than 5 %. In a fit they stay where the prior has them."
+    )
+    return Table.of(rows, columns, note)
 
 
 def _unit(each: Any) -> str:
@@ -140,6 +162,10 @@ _EFFECTS = (
 _PARAMETERS = (
     "The prior is what is known before the fit: the declared number, or a first guess out of the same logs. "
     "A ratio near 1 means that the fit adds nothing to it."
+)
+_COMBINED = (
+    "Parameters change together by the stated amounts, and all that the logs measure stays as it is. What is "
+    "fixed beside a combination, as by a known load, makes the others identifiable."
 )
 _DIRECTIONS = "The combinations of parameters of which the logs tell least, relative to the prior:"
 _INPUTS = "What the motion of a motor or joint would show, no log tells in which it never moves."

@@ -22,6 +22,7 @@ from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.information import Information
 from serpent_twin.identification.fitting.least_squares import fit, spread, telling
+from serpent_twin.identification.fitting.null_space import null_combinations
 from serpent_twin.identification.fitting.weak_directions import (
     NamedParameter,
     WeakDirection,
@@ -99,6 +100,8 @@ def identifiability(
     found += [_unseen(case.candidates[name], why) for name, why in case.unseen.items()]
     found.sort(key=lambda each: (not each.delay, -each.limit / each.typical))
     parameters, directions = _parameters(case, explained.known, effects)
+    known = explained.known
+    combined = null_combinations(case.declared, known.slopes, known.weight)
     without = case.compare(opening.point, some)
     return Identifiability(
         parameters,
@@ -109,6 +112,7 @@ def identifiability(
         opening.residual.size // case.channels,
         1 / explained.known.weight,
         case.not_sought,
+        combined=combined,
     )
 
 

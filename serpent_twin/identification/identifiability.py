@@ -6,6 +6,7 @@ from math import isfinite
 from typing import Any
 
 from serpent_twin.identification.excitation import InputExcitation
+from serpent_twin.identification.fitting.null_space import NullCombination
 from serpent_twin.identification.fitting.weak_directions import WeakDirection
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
@@ -110,6 +111,8 @@ class Identifiability:
     """Sentences on effects that are not sought, and on what nothing measures"""
     settled: tuple[SessionChange, ...] = ()
     """What changes with the time since each session began, before any fit"""
+    combined: tuple[NullCombination, ...] = ()
+    """Changes of parameters that no row shows, and which logs therefore leave as they were"""
 
     @property
     def hidden(self) -> list[str]:
@@ -149,6 +152,7 @@ class Identifiability:
             "weakest_directions": [
                 vars(each) | {"ratio": each.ratio, "text": str(each)} for each in self.directions
             ],
+            "not_separated": [each.numbers() for each in self.combined],
             "inputs": [each.numbers() for each in self.inputs],
             "settles_in_session": [vars(each) for each in self.settled],
             "rows": self.rows,

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from serpent_twin.identification import figures, tables
-from serpent_twin.identification.check_page import effects_section
+from serpent_twin.identification.check_page import combined_section, effects_section
 from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.identification.first_picture import first_section
 from serpent_twin.identification.missing_page import missing_section
@@ -37,6 +37,7 @@ def page(
         first_section(diagnosis.shown) if diagnosis.shown else None,
         _before_and_after(diagnosis, drawn),
         effects_section(diagnosis.identifiability) if diagnosis.identifiability else None,
+        combined_section(diagnosis.identifiability) if diagnosis.identifiability else None,
         _ranking(diagnosis),
         missing_section(diagnosis, known, record or {}),
         _alike(diagnosis),

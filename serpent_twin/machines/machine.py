@@ -204,7 +204,7 @@ class Machine(Protocol[P]):
 
     @property
     def differentiates(self) -> bool:
-        """Whether derivatives by the model's numbers follow from one motion, not from differences."""
+        """Whether derivatives by the model's numbers are right, and no long differences."""
         ...
 
     @property

@@ -11,7 +11,7 @@ from serpent_twin.numerals import listed
 
 MOST = 5
 """Directions that are listed"""
-_UNTOLD = 0.95
+UNTOLD = 0.95
 """Ratio of posterior to prior from which directions are alike: any rotation of them is as weak"""
 _LARGE = 0.6
 """Loadings that are named, as a share of the largest"""
@@ -74,7 +74,7 @@ def weakest_directions(
     gain = half.T @ (np.linalg.inv(posterior) - np.linalg.inv(prior)) @ half
     gain = (gain + gain.T) / 2
     told, along = np.linalg.eigh(gain)
-    alike = _ratio(told) > _UNTOLD
+    alike = _ratio(told) > UNTOLD
     if alike.sum() > 1:
         along[:, alike] = along[:, alike] @ _varimax(half @ along[:, alike] / width[:, None])
     ratio = _ratio(np.einsum("ik,ij,jk->k", along, gain, along))

@@ -26,6 +26,7 @@ from serpent_twin.machines.model.doubts import (
 from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.held import with_offsets
 from serpent_twin.machines.model.held_motion import with_smoothed
+from serpent_twin.machines.model.known import with_known_noted
 from serpent_twin.machines.model.known_motion import LAG
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
@@ -78,7 +79,8 @@ class ModelRig:
 
     def prepared(self, logs: Sequence[Log]) -> list[Log]:
         """Sessions that are used together: rows of torque are filtered alike in all of them."""
-        return with_smoothed(self.described, logs) if self.described.about.held else list(logs)
+        logs = with_known_noted(self.described, logs)
+        return with_smoothed(self.described, logs) if self.described.about.held else logs
 
     def changed(self, twin: Path) -> "ModelRig":
         """The rig of a machine about which something was changed since a trace wrote this twin.json."""

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     Unit = NumberName = KnownName = str
 else:
     Unit = Literal[tuple(TO_SI)]
-    NumberName = Literal[tuple(NUMBERS)]
-    KnownName = Literal[tuple(name for name, kind in NUMBERS.items() if not kind.added)]
+    NumberName = Literal[tuple(name for name, kind in NUMBERS.items() if kind.uncertain)]
+    KnownName = Literal[
+        tuple(n for n, kind in NUMBERS.items() if not (kind.added and kind.uncertain))
+    ]
 Number = Annotated[float, within(-1e9, 1e9)]
 Name = Annotated[str, msgspec.Meta(min_length=1)]
 Vector = Annotated[tuple[Number, ...], many(3)]
@@ -69,8 +71,8 @@ class DriveColumn(Column, frozen=True):
     offset: Number | Literal["keyframe"] = 0.0
     """SI value where the column is 0, or "keyframe" for the value in the keyframe"""
     velocity: str = ""
-    """Column of the velocity, in the unit per second, of a prescribed motion whose velocities are commanded
-    once a row and reached with a lag that the logs show; without it, a motion is a spline through its rows
+    """Column of the velocity, in the unit per second, that a prescribed motion is commanded once a row and
+    reaches with a lag that the logs show; without it, a spline through rows
     """
     exact: bool = False
     """Whether zero and scale are known, as where a servo's own encoder is measured"""
@@ -79,7 +81,7 @@ class DriveColumn(Column, frozen=True):
     ratio: Annotated[float, within(0.0, 10.0)] = 0.0
     """Standard deviation of the logarithm of a scale that calibration fits to a prescribed motion; 0: none"""
     enable: str = ""
-    """Column that is 0 where the actuator is switched off, so that it gives no force"""
+    """Column that is 0 where the actuator is off and gives no force"""
 
     @property
     def of(self) -> tuple[str, str]:
@@ -119,7 +121,7 @@ class MeasuredColumns(Form, frozen=True):
     cameras: bool = True
     """Whether calibration fits the frame of the position, within millimetres and degrees"""
     noise: Annotated[float, within(0.0, 1e6)] = 0.0
-    """Standard deviation of the measurement noise, in the unit; 0: estimated from the logs"""
+    """Standard deviation of the noise, in the unit; 0: estimated from the logs"""
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation of a zero that calibration fits, in the unit; 0: known"""
     ratio: Annotated[float, within(0.0, 10.0)] = 0.0
@@ -176,12 +178,12 @@ class Uncertain(Form, frozen=True):
     what is fitted; an empty list: none is fitted
     """
     prior: Annotated[float, above(0.0, 1000.0)] | None = None
-    """Standard deviation of the logarithm of the ratio to the model's number; of numbers that are added, in
-    mm or degrees; by default that of the table below
+    """Standard deviation of the logarithm of the ratio to the model's number; of added numbers, in mm or
+    degrees; by default that of the table
     """
     each: Annotated[float, above(0.0, 1000.0)] | None = None
-    """Standard deviation by which each of those that match differs from what they share, in the same terms;
-    by default 0
+    """Standard deviation by which each that matches differs from what they share, in the same terms; by
+    default 0
     """
     most: Annotated[float, above(0.0, 1000.0)] | None = None
     """Bound of what they share, in the terms of `prior`"""
@@ -190,16 +192,20 @@ class Uncertain(Form, frozen=True):
 
 
 class KnownNumber(Form, frozen=True):
-    """A number of the model that each session states."""
+    """A number of the model that is known in sessions."""
 
     number: KnownName
     """Kind of number, one of the table below that is not added"""
     of: Name
-    """Name of a joint, actuator or body"""
-    columns: Annotated[tuple[Name, ...], many(1, 3)]
-    """Columns that are constant in a session, or entries of the log's metadata; of several, the product"""
+    """Name of its joint, actuator, body or site"""
+    columns: Annotated[tuple[Name, ...], many(0, 3)] = ()
+    """Columns constant in a session, or entries of the log's metadata; of several, the product"""
     scale: Annotated[float, above(0.0, 1e9)] = 1.0
     """SI value = scale × product"""
+    value: Number | None = None
+    """SI value, in place of columns"""
+    sessions: Annotated[tuple[Name, ...], many(1, 1000)] = ("*",)
+    """Names of sessions or files, with wildcards; others have the model's number"""
 
 
 class Description(Form, frozen=True):
@@ -210,8 +216,8 @@ class Description(Form, frozen=True):
     model: Name
     """MJCF or URDF file, relative to the folder of this file"""
     rows: Literal["poses", "motion", "torque"]
-    """Whether rows are poses at rest, for each of which the model settles, instants of a motion, or instants
-    with all joints and torques
+    """Poses at rest, for each of which the model settles, instants of a motion, or instants with all joints
+    and torques
     """
     measured: Annotated[tuple[MeasuredColumns, ...], many(1, 1000)]
     """Columns that the model is compared with; the quantity of the first one is the pose"""
@@ -238,7 +244,7 @@ class Description(Form, frozen=True):
     every: Annotated[int, within(1, 100_000)] = 1
     """One reading is used of so many rows; commands are applied at the full rate"""
     segment: Annotated[int, within(0, 100_000)] = 0
-    """Rows that are fitted and judged as one segment; 0: 20 poses, or 100 rows of a motion"""
+    """Rows fitted and judged as one segment; 0: 20 poses, or 100 rows of a motion"""
     start: Annotated[float, within(0.0, 1e3)] = 0.0
     """Time [s] about a row through which a parabola gives the state there; a segment begins in the quietest
     of some before it. 0: the model follows the 15 rows before the segment

@@ -29,7 +29,7 @@ from serpent_twin.machines.model.doubts import (
 )
 from serpent_twin.machines.model.encoders import put_right
 from serpent_twin.machines.model.full_rate import thinned
-from serpent_twin.machines.model.known import STATED, stated
+from serpent_twin.machines.model.known import stated
 from serpent_twin.machines.model.log_files import LogTables, find
 from serpent_twin.machines.model.log_poses import poses
 from serpent_twin.machines.model.log_rows import RawLog, rows_in_motion
@@ -81,7 +81,7 @@ def read(machine: Described, log: LogTables) -> list[Log]:
         replace(
             each,
             metadata=each.metadata
-            | {STATED: stated(machine, each, metadata)}
+            | stated(machine, each, metadata)
             | ({NOTES: said} if (said := _notes(each, () if n else notes)) else {}),
         )
         for n, each in enumerate(found)

@@ -41,12 +41,16 @@ from serpent_twin.tables.segments import Segments
 
 _STEPS = 2, 10
 """Steps that a derivative serves by few and by many numbers"""
-_ROUNDS_IN_MOTION = 2
-"""Rounds that end the last fit of a motion: without any, all torques of a joint may keep a common factor by
-which a search happened to come in (friction of 0.124 for 0.08 N m)
+_ROUNDS_BY_DERIVATIVES = 2
+"""Rounds that end the last fit by derivatives: without any, all torques of a joint may keep a common factor
+by which a search happened to come in (friction of 0.124 for 0.08 N m)
 """
 _MANY, _ROUNDS = 12, (8, 2)
 """Degrees of freedom that are many; rounds along weak directions with fewer of them, and with so many"""
+_OF_PRIOR = 1e-4
+"""Steps of a derivative by which nothing is simulated, of a prior: they miss 1e-5 of the derivative at most,
+and so do roundings by heavy joints, see `prescribe`
+"""
 
 
 @dataclass(frozen=True)
@@ -72,21 +76,21 @@ class ModelMachine(SimulatedModel):
 
     @property
     def weak_rounds(self) -> int:
-        """Fewer for motions, which take one derivative a round, and for many joints: without it, a round
+        """Fewer where derivatives are right, which take one a round, and for many joints: without it, a round
         takes some seventy simulations of all segments; none for many numbers, whose fit is all derivatives.
         """
         if self._along_one_motion:
             return 0
         if self.differentiates:
-            return _ROUNDS_IN_MOTION
+            return _ROUNDS_BY_DERIVATIVES
         return _ROUNDS[self.described.model.nv > _MANY]
 
     @property
     def differentiates(self) -> bool:
-        """Whether derivatives by the model's numbers follow from one motion: they tell of what these can
-        hardly tell apart what its dynamics do.
+        """Whether derivatives by the model's numbers say of what these can hardly tell apart what dynamics
+        do: those of a motion or of its torques, but not differences of poses at rest.
         """
-        return self.described.about.rows == MOTION
+        return self.described.about.rows != POSES
 
     @property
     def candidates(self) -> Mapping[str, Candidate]:
@@ -199,14 +203,23 @@ class ModelMachine(SimulatedModel):
         self, point: ParameterVector, pieces: Segments, noise: Array
     ) -> dict[str, Array]:
         """Derivatives by the model's numbers along one motion, where that is quicker than one simulation each
-        and right.
+        and right; of torques, by all that is declared.
         """
         if not self.differentiates:
             return {}
+        if self.adds_up:
+            return self._in_small_steps(point, pieces)
         stepped = partial(self._stepped, point)
         with quietly(), np.errstate(all="ignore"):
             twin = self._in_motion([point])
             return worthwhile(twin, stepped, self.respond, point, self.declared, pieces, noise)
+
+    def _in_small_steps(self, point: ParameterVector, pieces: Segments) -> dict[str, Array]:
+        """Derivatives of torques, which are as smooth as their formulas: no simulation blurs them."""
+        steps = _OF_PRIOR * np.diag([each.prior for each in self.declared])
+        first, *others = self.respond([point, *map(point.after, steps)], pieces)
+        of = zip(self.declared, others, np.diag(steps), strict=True)
+        return {each.name: (other - first) / step for each, other, step in of}
 
     def _stepped(self, point: ParameterVector, several: Sequence[Declared]) -> MovingTwin:
         """The twin a step of some numbers further."""

@@ -27,12 +27,29 @@ def spread(body: mujoco.MjsBody, by: Array) -> None:
     IEEE Robotics and Automation Letters 7, 2022.
     """
     second = by @ _second_moments(np.asarray(body.inertia), np.asarray(body.iquat)) @ by.T
-    whole = np.trace(second) * np.eye(3) - second
-    body.inertia, principal = np.linalg.eigh(whole)
-    principal[:, 0] *= np.sign(np.linalg.det(principal))
+    body.inertia, body.iquat = _principal(second)
+
+
+def carry(model: mujoco.MjModel, site: int, mass: float) -> None:
+    """Fasten a point mass [kg] at a site of a compiled model to the inertia of the site's body."""
+    body = model.site_bodyid[site]
+    whole = model.body_mass[body] + mass
+    apart = model.site_pos[site] - model.body_ipos[body]
+    second = _second_moments(model.body_inertia[body], model.body_iquat[body])
+    second += model.body_mass[body] * mass / whole * np.outer(apart, apart)
+    model.body_inertia[body], model.body_iquat[body] = _principal(second)
+    model.body_ipos[body] += mass / whole * apart
+    model.body_mass[body] = whole
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _principal(second: Array) -> tuple[Array, Array]:
+    """Principal inertia, (3,), and its axes as a quaternion, (4,), by second moments of mass [kg m²]."""
+    inertia, axes = np.linalg.eigh(np.trace(second) * np.eye(3) - second)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
     quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, principal.ravel())
-    body.iquat = quat
+    mujoco.mju_mat2Quat(quat, axes.ravel())
+    return inertia, quat
 
 
 def _second_moments(inertia: Array, quat: Array) -> Array:

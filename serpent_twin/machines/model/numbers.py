@@ -25,7 +25,7 @@ from serpent_twin.machines.model.actuator_numbers import (
     scale_resistance,
     volts_per_error,
 )
-from serpent_twin.machines.model.masses import sheared, spread_along, spread_of, weigh
+from serpent_twin.machines.model.masses import carry, sheared, spread_along, spread_of, weigh
 from serpent_twin.machines.model.moment_arms import moment_arm, scale_moment_arm
 
 _SEVERAL = {
@@ -78,6 +78,8 @@ class NumberKind:
     """Whether rows of torque fit it without being asked"""
     compiled: bool = False
     """Whether `change` is of a compiled model"""
+    uncertain: bool = True
+    """Whether a fit may change it; else sessions alone state it"""
 
 
 def _of_dof(field: str) -> Callable[[mujoco.MjModel], np.ndarray]:
@@ -175,13 +177,7 @@ NUMBERS: Mapping[str, NumberKind] = {
         "N m", "joint", _of_dof("dof_frictionloss"), _attribute("frictionloss"), 0.5
     ),
     "friction near rest": NumberKind(
-        "1/s",
-        "joint",
-        near_rest,
-        scale_near_rest,
-        1.0,
-        fitted=False,
-        at_rest=False,
+        "1/s", "joint", near_rest, scale_near_rest, 1.0, fitted=False, at_rest=False
     ),
     "armature": NumberKind(
         "kg m²", "joint", _of_dof("dof_armature"), _attribute("armature"), 0.5, at_rest=False
@@ -254,6 +250,10 @@ NUMBERS: Mapping[str, NumberKind] = {
         for axes in ("xy", "xz", "yz")
     },
     **{f"site {axis}": _shifted("pos", n) for n, axis in enumerate("xyz")},
+    "load": NumberKind(
+        *("kg", "site", lambda m: np.zeros(m.nsite), carry),
+        **{"added": True, "fitted": False, "compiled": True, "uncertain": False},
+    ),
 }
 """Kinds of numbers by name"""
 
@@ -286,6 +286,8 @@ def change_number(spec: mujoco.MjSpec, number: str, which: int, by: float) -> No
     kind.change(things[which], by)
 
 
-def change_compiled(model: mujoco.MjModel, number: str, which: int, factor: float) -> None:
-    """Multiply a number of one thing of a compiled model by a factor, of a kind that no spec can change."""
-    NUMBERS[number].change(model, which, factor)
+def change_compiled(model: mujoco.MjModel, number: str, which: int, by: float) -> None:
+    """Multiply a number of one thing of a compiled model by a factor, or add to one of a kind that is added
+    to.
+    """
+    NUMBERS[number].change(model, which, by)

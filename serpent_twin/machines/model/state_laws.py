@@ -29,8 +29,6 @@ from serpent_twin.machines.model.state_moment import (
     fixed,
 )
 
-_RATES = mujoco.mjtStage.mjSTAGE_VEL
-
 
 class StateLaws:
     """Effects that act on the runs of a batch before each time step, at the places that they name.
@@ -40,7 +38,7 @@ class StateLaws:
     joints that follow a known motion.
     """
 
-    stage = _RATES
+    stage = mujoco.mjtStage.mjSTAGE_VEL
     """What of the state must be known before a time step: levers, bodies and the loads of joints"""
 
     def __init__(
@@ -140,9 +138,7 @@ class StateLaws:
         self.hold()
 
     def hold(self) -> None:
-        """Take what actuators gave in the time step before. A batch loses it where it then computes a stage
-        before forces: all runs of a thread have those of its last one.
-        """
+        """Take what actuators gave in the time step before; a stage before forces loses it."""
         self._driving = tuple(force.copy() for force in self._forces)
 
     def act(self) -> None:
@@ -200,9 +196,8 @@ class StateLaws:
         """All that is in an instant without effects."""
         n, springs = len(dt), self._springs
         free, told = springs.state(rate)
-        force, entering = self._driving
-        given = force[:, self._motors] * self._gear
-        other = entering[:, self._v] - given @ self._drives
+        given = self._driving[0][:, self._motors] * self._gear
+        other = self._driving[1][:, self._v] - given @ self._drives
         other = other + self._load[:, self._v] - self._spring_load[:, self._v]
         other[:, self._winches] *= 2  # whose motion takes all that they carry
         angle, rates = self._qpos[:, self._q], rate[:, self._v]
