@@ -20,7 +20,7 @@ _IMPROVED = 4
 _LONGER = 2
 """Times longer that time steps may be in the lead, which is simulated again and again, up to the model's own:
 that puts a start off by a hundredth of the noise; of four times longer steps, by so much that noise asks for
-more of them
+more of them. Not where a motion is prescribed, whose speed makes forces that are of first order in the step.
 """
 _DIFFERENCE = 1e-4  # [rad], [rad/s]
 _FAR = 20.0
@@ -88,9 +88,9 @@ class DrivenMotion:
     def _begun(self) -> SteppedRuns:
         runs, state = self._runs(self.steps), self.start.state
         if self.gain is not None:
-            state = _improved(
-                self._runs(self.steps // _LONGER), self.start, self.gain, self.reading
-            )
+            lead = runs if self.driven.known else self._runs(self.steps // _LONGER)
+            state = _improved(lead, self.start, self.gain, self.reading)
+            runs.remember(lead)
         runs.begin(self.start, state)
         return runs
 

@@ -56,7 +56,8 @@ class StateLaws:
         self._several = [each for each in several if not only_seen(each)]
         self.seen = [each for each in several if only_seen(each)]
         """Effects that change what is seen in rows alone"""
-        self._first: list[Any] | None = None
+        self.first_memory: list[Any] | None = None
+        """What effects remember where the runs begin, once it is known"""
         wanted = {name for each in self._several for name in each.things} | beside
         wanted |= {each.law.where for each in self.seen if each.law.follows_a_thing}
         self._names, springs = _places(model, wanted)
@@ -107,9 +108,8 @@ class StateLaws:
 
     def begin(self) -> None:
         """Begin all runs again, with the memories that they had there; the batch's state is lost."""
-        if self._first is None:
-            self._first = self._remembered()
-        self._memory = deepcopy(self._first)
+        self.first_memory = self.first_memory or self._remembered()
+        self._memory = deepcopy(self.first_memory)
 
     def start(self) -> None:
         """Change what acts at a run's first instant, where rates are of now and no time passes."""

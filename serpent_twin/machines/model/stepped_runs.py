@@ -115,6 +115,11 @@ class SteppedRuns:
         )
         self._views = seen.views(self.batch) if self._laws and self._laws.seen else None
 
+    def remember(self, other: "SteppedRuns") -> None:
+        """Let effects remember where the runs begin what they do in other time steps."""
+        if self._laws and other._laws:
+            self._laws.first_memory = other._laws.first_memory
+
     def begin(self, start: SegmentStart, state: Array | None = None) -> None:
         """Place all runs at their beginning, joints at angles and rates (S, J, 2), if not at the start's."""
         state = start.state if state is None else state
