@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.pushes.logged import PULSES, Pulse, Recorded, pulses, undelivered
 from serpent_twin.arrays import Array
-from serpent_twin.estimators.external_torque import ExternalTorque, Push, pushes, thresholds
+from serpent_twin.estimators.external_torque import ExternalTorque, FeltPush, pushes, thresholds
 from serpent_twin.tables.log import Log
 
 
@@ -63,13 +63,13 @@ def drawn(run: Log, torque: ExternalTorque, every: int = 5) -> dict[str, Any]:
     }
 
 
-def _felt(pulse: Pulse, several: Sequence[Push]) -> dict[str, Any] | None:
+def _felt(pulse: Pulse, several: Sequence[FeltPush]) -> dict[str, Any] | None:
     """The strongest push felt at a pulse's joint while it acts; None without any."""
     at = [each for each in several if each.joint == pulse.joint and _overlap(each, pulse)]
     return asdict(max(at, key=lambda each: abs(each.size))) if at else None
 
 
-def _overlap(push: Push, pulse: Pulse) -> bool:
+def _overlap(push: FeltPush, pulse: Pulse) -> bool:
     return push.begin <= pulse.end and push.end >= pulse.begin
 
 

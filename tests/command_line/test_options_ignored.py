@@ -88,7 +88,7 @@ IGNORED = {
         "AnyModel", "AnyModelSpeed",
         "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Demo", "EstimateSpeed", "Plan",
         "FaultMatrix", "FollowStudy", "ForceStudy", "Fuzz", "HowOftenRight", "LinearResponses",
-        "Measured", "NextMotion",
+        "Measured", "NextMotion", "Pushes",
         "ReadoutTable", "ReferencePages", "ResultPage", "RightNames", "ShipTrace", "SimToReal",
         "Frozen", "Structure", "SweepSpeed", "TraceSpeed",
     )

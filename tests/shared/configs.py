@@ -24,6 +24,7 @@ NEEDED = {
     "FollowStudy": {"study": Path("study")},
     "ForceStudy": {"study": (Path("study"),)},
     "Measured": {"data": Path("data")},
+    "Pushes": {"data": Path("data")},
     "Merge": {"logs": Path("logs"), "take": Path("take.csv")},
     "ShipTrace": {"trace": Path("trace")},
     "Sweep": {"out": Path("out")},

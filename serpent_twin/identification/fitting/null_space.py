@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitting.weak_directions import UNTOLD
@@ -87,6 +86,8 @@ def null_combinations(
 
 def _sparse(hidden: Array, shown: Array) -> Iterator[Array]:
     """Changes in the null space of least sum of absolute values, for each parameter in which it is 1."""
+    import scipy.optimize  # slow, and help loads this module
+
     for k in np.flatnonzero(np.abs(hidden).max(axis=1) > _LEAST):
         one = np.eye(len(shown))[k]
         equal = np.vstack([shown.T, one])
