@@ -9,6 +9,7 @@ import numpy as np
 from experiments.measured.benchmark import BENCHMARKS
 from experiments.measured.split import split
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.external_torque import ExternalTorque, TorquePulse, pushes
 from serpent_twin.machines.model import ModelRig
 from serpent_twin.tables.log import Log
 from serpent_twin.tables.smoothing import below
@@ -35,21 +36,6 @@ class Recorded:
     pushed: list[Log]
 
 
-@dataclass(frozen=True)
-class Pulse:
-    """A logged pulse."""
-
-    joint: str
-    begin: float
-    """[s]"""
-    end: float
-    """[s]"""
-    time: float
-    """When it is greatest [s]"""
-    size: float
-    """[N m]"""
-
-
 def recorded(rig: ModelRig, data: Path) -> Recorded:
     """All logs in a folder of measured machines."""
     free, pushed = (_read(rig, data / name) for name in (FREE, PUSHED))
@@ -64,18 +50,11 @@ def _read(rig: ModelRig, folder: Path) -> list[Log]:
     return rig.recorded(folder)
 
 
-def pulses(run: Log) -> list[Pulse]:
+def pulses(run: Log) -> list[TorquePulse]:
     """All pulses in a log, each where its torque is above a share of the greatest at its joint."""
-    found = list[Pulse]()
-    for joint, column in PULSES.items():
-        torque = np.nan_to_num(run.columns[column])
-        acts = np.abs(torque) > ACTS * np.abs(torque).max()
-        edges = np.flatnonzero(np.diff(acts, prepend=False, append=False))
-        for first, end in edges.reshape(-1, 2).tolist():
-            most = first + int(np.argmax(np.abs(torque[first:end])))
-            begin, last, at = (float(run.time[n]) for n in (first, end - 1, most))
-            found.append(Pulse(joint, begin, last, at, float(torque[most])))
-    return sorted(found, key=lambda each: each.begin)
+    torque = np.stack([np.nan_to_num(run.columns[name]) for name in PULSES.values()], axis=1)
+    logged = ExternalTorque(tuple(PULSES), run.time, torque)
+    return pushes(logged, ACTS * np.abs(torque).max(axis=0))
 
 
 def undelivered(run: Log, joint: str, time: float, hz: float) -> float:

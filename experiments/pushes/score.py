@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.pushes.logged import PULSES, Pulse, Recorded, pulses, undelivered
+from experiments.pushes.logged import PULSES, Recorded, pulses, undelivered
 from serpent_twin.arrays import Array
-from serpent_twin.estimators.external_torque import ExternalTorque, FeltPush, pushes, thresholds
+from serpent_twin.estimators.external_torque import ExternalTorque, TorquePulse, pushes, thresholds
 from serpent_twin.tables.log import Log
 
 
@@ -63,17 +63,17 @@ def drawn(run: Log, torque: ExternalTorque, every: int = 5) -> dict[str, Any]:
     }
 
 
-def _felt(pulse: Pulse, several: Sequence[FeltPush]) -> dict[str, Any] | None:
+def _felt(pulse: TorquePulse, several: Sequence[TorquePulse]) -> dict[str, Any] | None:
     """The strongest push felt at a pulse's joint while it acts; None without any."""
     at = [each for each in several if each.joint == pulse.joint and _overlap(each, pulse)]
     return asdict(max(at, key=lambda each: abs(each.size))) if at else None
 
 
-def _overlap(push: FeltPush, pulse: Pulse) -> bool:
+def _overlap(push: TorquePulse, pulse: TorquePulse) -> bool:
     return push.begin <= pulse.end and push.end >= pulse.begin
 
 
-def _free_seconds(torque: ExternalTorque, true: Sequence[Pulse]) -> float:
+def _free_seconds(torque: ExternalTorque, true: Sequence[TorquePulse]) -> float:
     """Time in which external torques are known and no pulse acts [s]."""
     free = np.isfinite(torque.torque).all(axis=1)
     for each in true:

@@ -29,8 +29,8 @@ class ExternalTorque:
 
 
 @dataclass(frozen=True)
-class FeltPush:
-    """A stretch in which the external torque at a joint exceeds its threshold to one side."""
+class TorquePulse:
+    """A stretch in which a torque at a joint exceeds a threshold to one side."""
 
     joint: str
     begin: float
@@ -105,9 +105,9 @@ def thresholds(free: Sequence[ExternalTorque], alarms_per_minute: float) -> Arra
     return found
 
 
-def pushes(found: ExternalTorque, threshold: Array) -> list[FeltPush]:
+def pushes(found: ExternalTorque, threshold: Array) -> list[TorquePulse]:
     """All stretches in which the external torque exceeds thresholds, (C,), the earliest first."""
-    several = list[FeltPush]()
+    several = list[TorquePulse]()
     for joint, torque, least in zip(found.joints, found.torque.T, threshold, strict=True):
         side = np.where(np.abs(torque) > least, np.sign(torque), 0.0)
         edges = np.flatnonzero(np.diff(side, prepend=0.0, append=0.0))
@@ -115,5 +115,5 @@ def pushes(found: ExternalTorque, threshold: Array) -> list[FeltPush]:
             if side[first]:
                 most = first + int(np.argmax(np.abs(torque[first:end])))
                 begin, last, at = (float(found.time[n]) for n in (first, end - 1, most))
-                several.append(FeltPush(joint, begin, last, at, float(torque[most])))
+                several.append(TorquePulse(joint, begin, last, at, float(torque[most])))
     return sorted(several, key=lambda each: each.begin)

@@ -86,7 +86,7 @@ class Case(Generic[P]):
 
     @property
     def weak_rounds(self) -> int:
-        """Limit of the rounds that end the last fit, for what its numbers can hardly tell apart."""
+        """Most rounds that end the last fit, which follow what the data hardly tell."""
         return self.machine.weak_rounds
 
     @property

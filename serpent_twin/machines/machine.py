@@ -199,7 +199,7 @@ class Machine(Protocol[P]):
 
     @property
     def weak_rounds(self) -> int:
-        """Limit of the rounds that end the last fit, for what its numbers can hardly tell apart."""
+        """Most rounds that end the last fit, which follow what the data hardly tell."""
         ...
 
     @property

@@ -195,7 +195,7 @@ class KnownNumber(Form, frozen=True):
     """A number of the model that is known in sessions."""
 
     number: KnownName
-    """Kind of number, one of the table below that is not added"""
+    """`load`, or a kind of number below that is not added"""
     of: Name
     """Name of its joint, actuator, body or site"""
     columns: Annotated[tuple[Name, ...], many(0, 3)] = ()

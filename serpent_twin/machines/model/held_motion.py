@@ -189,8 +189,7 @@ class HeldMotion:
             motion = known.at[:, t], known.rate[:, t] / row, known.change[:, t] / row**2
             follows.put(*motion)
             if laws:
-                batch.forward()
-                laws.hold()
+                batch.forward(stage=laws.stage)
                 laws.act() if t else laws.start()
                 follows.put(*motion)
             batch.forward(stage=seen.stage)

@@ -87,8 +87,8 @@ class ModelMachine(SimulatedModel):
 
     @property
     def differentiates(self) -> bool:
-        """Whether derivatives by the model's numbers say of what these can hardly tell apart what dynamics
-        do: those of a motion or of its torques, but not differences of poses at rest.
+        """Whether derivatives by the model's numbers are right even where the data hardly tell: those of a
+        motion or of its torques are; differences of poses at rest are not.
         """
         return self.described.about.rows != POSES
 

@@ -90,7 +90,6 @@ class StateLaws:
         self._own_along = self._along[:, self._tendons].copy()
         efforts = prescribed.efforts if prescribed else NO_EFFORTS
         self._friction = JointFriction(batch, self._v, self._winches.tolist(), efforts)
-        self.hold()
 
     def _of_all(self, joints: Sequence[int]) -> dict[str, NDArray[np.intp] | slice]:
         """Which places of each kind an effect without a place is at."""
@@ -108,7 +107,8 @@ class StateLaws:
 
     def begin(self) -> None:
         """Begin all runs again, with the memories that they had there; the batch's state is lost."""
-        self.first_memory = self.first_memory or self._remembered()
+        if self.first_memory is None:
+            self.first_memory = self._remembered()
         self._memory = deepcopy(self.first_memory)
 
     def start(self) -> None:

@@ -116,7 +116,7 @@ class SteppedRuns:
         self._views = seen.views(self.batch) if self._laws and self._laws.seen else None
 
     def remember(self, other: "SteppedRuns") -> None:
-        """Let effects remember where the runs begin what they do in other time steps."""
+        """Take from runs that differ in their time steps alone what effects remember where they begin."""
         if self._laws and other._laws:
             self._laws.first_memory = other._laws.first_memory
 
