@@ -125,6 +125,13 @@ class Round:
     """Pairs that were fitted, where no candidate was accepted alone"""
     undone: str = ""
     """What explains more than this round's candidates, where none of them was accepted in the end"""
+    together: bool = False
+    """Whether each of several that were accepted stands beside the others, which a pair does not"""
+
+    def scores(self, base: Fit) -> list[Score]:
+        """Scores of its candidates on top of a fit, where they are of what that leaves."""
+        size, here = base.residual.size, self.base is base
+        return [t.score for t in self.trials.values() if here and t.score.change.size == size]
 
 
 def accepting(rounds: Sequence[Round], name: str) -> int:

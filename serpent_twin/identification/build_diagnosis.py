@@ -168,8 +168,7 @@ def _moved(case: Case, selection: Selection) -> tuple[Moved, ...]:
     everything that was tried on top of this twin: named effects, and laws.
     """
     base = selection.settled
-    alike = [each.trials for each in selection.rounds if each.base is base]
-    return moved(case, base, [trial.score for several in alike for trial in several.values()])
+    return moved(case, base, [score for each in selection.rounds for score in each.scores(base)])
 
 
 def estimates(

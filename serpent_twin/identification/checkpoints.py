@@ -4,6 +4,7 @@ import json
 import time
 import zlib
 from collections.abc import Callable, Sequence
+from copy import copy
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -32,11 +33,26 @@ class Checkpoints:
     """Finished stages of one trace, each a file in a folder, with its cost."""
 
     def __init__(self, folder: Path, clock: Stopwatch) -> None:
-        self._folder, self._clock = folder, clock
-        self.seconds, self.simulated = 0.0, 0.0
-        """Time of the stages that an earlier run finished, and the simulation's part of it [s]"""
+        self._folder, self._clock, self._prefix = folder, clock, ""
+        self._spent = np.zeros(2)
         self._told = set[Path]()
         folder.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def seconds(self) -> float:
+        """Time of the stages that an earlier run finished [s]."""
+        return float(self._spent[0])
+
+    @property
+    def simulated(self) -> float:
+        """The simulation's part of that time [s]."""
+        return float(self._spent[1])
+
+    def within(self, prefix: str) -> "Checkpoints":
+        """Stages of a part of the trace, counted with the others, whose files' names have a prefix."""
+        found = copy(self)
+        found._prefix = self._prefix + prefix
+        return found
 
     def fit(self, name: str, make: Callable[[], Fit]) -> Fit:
         """The fit of a stage, made now or read back."""
@@ -63,6 +79,7 @@ class Checkpoints:
 
     def _path(self, name: str) -> Path:
         """The file of a stage. Names of places may be long, and hold what no file's name may."""
+        name = self._prefix + name
         plain, most = name.replace("/", "_"), _LONGEST
         if plain != name or len(plain.encode()) > most:
             plain = f"{plain.encode()[:most].decode(errors='ignore')}_{mark([name])}"
@@ -84,8 +101,7 @@ class Checkpoints:
         stored.require_arrays(took, {"took": Numbers((2,), low=0.0)}, str(path), _AGAIN)
         if path not in self._told:
             self._told.add(path)
-            self.seconds += float(took["took"][0])
-            self.simulated += float(took["took"][1])
+            self._spent += took["took"]
         return arrays
 
 

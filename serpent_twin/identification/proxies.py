@@ -27,7 +27,9 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
     last one, if it gained only beside one that has gone.
     """
     names = list(final.point.effects)
-    for name in names:
+    last = next((each for each in reversed(rounds) if each.accepted), None)
+    judged = last.accepted if last and last.together else ()  # beside all others
+    for name in (n for n in names if n not in judged):
         if name == names[-1] and len(final.point.effects) == len(names):
             break
         less = _less(trials, case, final, name, len(rounds))

@@ -29,7 +29,7 @@ def rival_fits(
     number = accepting(rounds, name) + 1
     done = rounds[number - 1]
     base, fitted = done.base, done.trials[name].fit
-    if case.adds_up and fitted:  # others that were accepted with it stay beside its rivals
+    if done.together and fitted:  # others that were accepted with it stay beside its rivals
         case = replace(case, noise=fitted.noise)
         base = without(trials, case, fitted, name, f"rivals_{number}")
     case = replace(case, noise=base.noise)  # by which the base's derivative is weighed
@@ -43,7 +43,8 @@ def rival_fits(
     beside += sorted(n for n in scores if n != name and own.is_law_beside(case.candidates[n]))
     out = []
     for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):
-        errors = None if case.adds_up else done.trials[other].errors
+        again = done.together and not done.trials[other].opened
+        errors = None if again else done.trials[other].errors
         if errors is None and len(out) < _RIVALS and not scores[other].unstable:
             trials.on_progress(f"rivals: fitting {spaced(other)}")
             rival = trials.stable(

@@ -23,6 +23,7 @@ from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.first_guess import guessed
 from serpent_twin.identification.first_picture import begin_report
 from serpent_twin.identification.fitting.uncertainty import drawn
+from serpent_twin.identification.in_rows import in_rows
 from serpent_twin.identification.kept_fit import keep
 from serpent_twin.identification.page import page
 from serpent_twin.identification.refitting import RefittingTracer
@@ -216,6 +217,7 @@ def run(
             progress.step,
             config.seed,
             60 * config.minutes,
+            in_rows(rig.in_rows(case, training), training, notes, progress.step),
         )
         selection = tracer.select()
         progress.step("what is left")

@@ -22,6 +22,7 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.components import without_undetermined
+from serpent_twin.identification.confirmed import ToldByRows, confirmed
 from serpent_twin.identification.exchanged import exchanged
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.least_squares import derives_cheaply
@@ -89,11 +90,15 @@ class Tracer(TracerFits):
     def named(self) -> tuple[Fit, Fit, list[Round]]:
         """The calibrated twin, the fit with the named effects that were added to it, and the rounds."""
         start = ParameterVector.nominal(self.case.declared)
+        told = self._told_by_rows() if self._told_by_rows else None
         opening, calibrated = self._calibrate(start)
         base, rounds = calibrated, list[Round]()
+        if told and told.slots:
+            base = self._confirmed(told, calibrated, rounds) or calibrated
+        began = len(rounds)
         while len(rounds) < _MOST_EFFECTS and not self.late:
             done = self._round(base, rounds, opening)
-            much = not rounds and self._much(base, done.errors)
+            much = len(rounds) == began and self._much(base, done.errors)
             sought = much and not self._explained(done.trials)
             if sought and (wide := far_off(self.trials, self.case, opening, base, done)):
                 self.case = replace(self.case, widened=wide.case.widened, noise=wide.case.noise)
@@ -108,6 +113,17 @@ class Tracer(TracerFits):
         if better := exchanged(self.trials, self.case, base, rounds):
             self.case, base, rounds[:] = better.case, better.fit, better.rounds
         return calibrated, base, rounds
+
+    def _confirmed(self, told: ToldByRows, base: Fit, rounds: list[Round]) -> Fit | None:
+        """The fit with those effects that rows say which each gain in a motion, too, or nothing; the round
+        that tried them comes first.
+        """
+        weighed = self.case
+        self.case, done = confirmed(self.trials, weighed, told, base, self.errors(base.point))
+        rounds.append(done)
+        if (found := self._stands(rounds)) is None:
+            self.case = weighed
+        return found
 
     def _much(self, found: Fit, left: Errors) -> bool:
         """Whether a fit left much, or moved a number further than parts differ, and than the furthest of as
@@ -125,7 +141,7 @@ class Tracer(TracerFits):
             return None
         last, wide = rounds[-1], self.case
         case = replace(wide, widened={})
-        number, alike = strained(case, base, [each.score for each in last.trials.values()])
+        number, alike = strained(case, base, last.scores(base))
         if not alike:
             return None
         self.on_progress(f"effects in place of {number}")
@@ -178,7 +194,7 @@ class Tracer(TracerFits):
         """A round after its accepted candidates were fitted again, which may reverse the acceptance, of all
         or of some of several that each must stand; and the fit of those that stay.
         """
-        if self.case.adds_up:
+        if done.together:
             scores = {name: done.trials[name].score for name in done.accepted}
             several = standing(self.trials, self.case, polished, scores, stage)
             undone = "" if several.names else _UNDONE

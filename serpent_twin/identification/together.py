@@ -14,7 +14,13 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.acceptance import CandidateTrial, Round, weakness_of_fit
+from serpent_twin.identification.acceptance import (
+    DECISIVE_GAIN,
+    CandidateTrial,
+    Round,
+    weakness,
+    weakness_of_fit,
+)
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import free_parameters
 from serpent_twin.identification.fitting.information import Information
@@ -31,6 +37,8 @@ from serpent_twin.numerals import counted
 _DERIVATIVES = 2
 _DIFFERENCE = 0.2
 """Difference of a parameter, in its value or what is typical"""
+_NEARLY = 0.8
+"""Share of what the best candidate removes, from which another may be what is there in its place"""
 _OWN = 0.03
 """Least size of a change's own part, of the whole, from which it is a direction of its own"""
 
@@ -54,7 +62,7 @@ def all_at_once(
     stage = f"{number}_base"
     found = trials.placed(stage, case, base, trials.scores(stage, case, base, names))
     out = {name: CandidateTrial(score, None, None, before.marker) for name, score in found.items()}
-    sizes = chosen(case, base, _spans(trials, case, base, found))
+    sizes = chosen(case, base, spans(trials, case, base, found))
     if not sizes:
         return Round(base, before, out, ())
     trials.on_progress(f"round {number}: fitting {counted(len(sizes), 'effect')} together")
@@ -71,38 +79,55 @@ def all_at_once(
     if joint is None:
         return Round(base, before, out, ())
     several = standing(trials, case, joint, {name: found[name] for name in sizes}, f"{number}")
-    return Round(base, before, out | several.trials, several.names)
+    return Round(base, before, out | several.trials, several.names, together=True)
 
 
-def chosen(case: Case[Any], base: Fit, spans: Mapping[str, Array]) -> dict[str, float]:
-    """Candidates that remove a share of what the ones before them leave, to first order, best first, with the
+def chosen(case: Case[Any], base: Fit, changes: Mapping[str, Array]) -> dict[str, float]:
+    """Candidates that remove a share of what the ones before them leave, as `alternatives` has them, with the
     sizes of the first of their changes: with all others together or, where that has a sign that it may not
-    have, alone. What each changes by all that it has is given, (k, N), beyond what the base takes up.
+    have, alone.
     """
-    known, flat = Information.of(case, base), base.residual.ravel().astype(float)
-    rest, remains = known.beyond(flat), known.left(flat)
-    goal, sizes = rest, dict[str, float]()
-    left = {n: each.astype(float) for n, each in spans.items()}
-    while left:
-        ways = {n: _directions(each) for n, each in left.items()}
-        removed = {n: float(((each @ rest) ** 2).sum()) for n, each in ways.items()}
-        best = max(removed, key=lambda n: removed[n])
-        if not removed[best] > WORTH_A_FIT * remains:
-            break
-        (alone,) = _sizes([left[best][:1]], rest)
-        if _allowed(case.candidates[best], alone):
-            sizes[best] = alone
-            rest = rest - ways[best].T @ (ways[best] @ rest)
-            remains -= removed[best]
-            left = {n: each - (each @ ways[best].T) @ ways[best] for n, each in left.items()}
-        del left[best]
-    if not sizes:
+    several = alternatives(case, base, changes, WORTH_A_FIT)
+    best = [next(iter(each.items())) for each in several]
+    if not best:
         return {}
-    together = zip(sizes, _sizes([spans[n] for n in sizes], goal), strict=True)
+    sizes = dict(best)
+    goal = Information.of(case, base).beyond(base.residual.ravel().astype(float))
+    together = zip(sizes, _sizes([changes[n] for n in sizes], goal), strict=True)
     return sizes | {n: size for n, size in together if _allowed(case.candidates[n], size)}
 
 
-def _spans(
+def alternatives(
+    case: Case[Any], base: Fit, changes: Mapping[str, Array], least: float
+) -> list[dict[str, float]]:
+    """What explains a residual to first order: one candidate after the other that removes a share, at least,
+    of what the ones before it leave, each with those that remove nearly as much in its place, best first, and
+    the size of the first of its changes. What each changes by all that it has is given, (k, N), beyond what
+    the base takes up.
+    """
+    known, flat = Information.of(case, base), base.residual.ravel().astype(float)
+    rest, remains = known.beyond(flat), known.left(flat)
+    found, left = list[dict[str, float]](), {n: each.astype(float) for n, each in changes.items()}
+    while left:
+        ways = {n: _directions(each) for n, each in left.items()}
+        removed = {n: float(((each @ rest) ** 2).sum()) for n, each in ways.items()}
+        alone = {n: _sizes([each[:1]], rest)[0] for n, each in left.items()}
+        several = [n for n in left if _allowed(case.candidates[n], alone[n])]
+        several = sorted(several, key=lambda n: -removed[n])
+        if not several:
+            break
+        best = several[0]
+        if not removed[best] > least * remains:
+            break
+        near = [n for n in several if removed[n] > _NEARLY * removed[best]]
+        found.append({n: alone[n] for n in near})
+        rest = rest - ways[best].T @ (ways[best] @ rest)
+        remains -= removed[best]
+        left = {n: e - (e @ ways[best].T) @ ways[best] for n, e in left.items() if n != best}
+    return found
+
+
+def spans(
     trials: Trials, case: Case[Any], base: Fit, scores: Mapping[str, Score]
 ) -> dict[str, Array]:
     """What candidates change of the residual beyond the base's free parameters, (k, N): the best variant, and
@@ -160,15 +185,21 @@ def standing(
     trials: Trials, case: Case[Any], joint: Fit, scores: Mapping[str, Score], stage: str
 ) -> Together:
     """The effects of a joint fit that each gain beside the others, and the fit of these; the weakest goes
-    first.
+    first. Where effects do not add up, a gain that is not decisive is judged again by a fit without the
+    effect that has a derivative of its own.
     """
     known, judged = case.candidates, dict[str, CandidateTrial]()
     names = list(scores)
     while names:
-        less = {name: without(trials, case, joint, name, stage) for name in names}
-        for name, each in less.items():
-            before = trials.errors(case, each.point)
-            judged[name] = trials.judged(case, scores[name], each, joint, before, len(scores))
+        less = dict[str, Fit]()
+        for name in names:
+            for more in range(1 if case.adds_up else 2):
+                less[name] = without(trials, case, joint, name, stage, more=more)
+                before, found = trials.errors(case, less[name].point), scores[name]
+                judged[name] = trials.judged(case, found, less[name], joint, before, len(scores))
+                one = judged[name].gain
+                if not one or weakness(one) or one.whole > DECISIVE_GAIN:
+                    break  # whatever another derivative took up
         gains = {name: judged[name].gain for name in names}
         weak = {
             name: each.relative if each else 0.0
@@ -186,9 +217,9 @@ def standing(
 
 def one_by_one(trials: Trials, case: Case[Any], found: Fit, done: Round, stage: str) -> list[Round]:
     """A round for each effect of one that accepted several, as if it were accepted last, and nothing after
-    it; the round itself, if it accepted one effect, or one pair where effects do not add up.
+    it; the round itself, if it accepted one effect, or one pair.
     """
-    if not case.adds_up or len(done.accepted) == 1:
+    if not done.together or len(done.accepted) == 1:
         return [done]
     later = [n for n in found.point.effects if n not in (*done.base.point.effects, *done.accepted)]
     out = []
@@ -205,11 +236,11 @@ def one_by_one(trials: Trials, case: Case[Any], found: Fit, done: Round, stage: 
 
 def as_accepted(trials: Trials, case: Case[Any], found: Fit, done: Round, stage: str) -> Fit | None:
     """The fit with what a round accepted and what was there before it, without what came after; None where
-    effects do not add up, or nothing came.
+    it did not accept effects together, or nothing came.
     """
     there = (*done.base.point.effects, *done.accepted)
     later = [name for name in found.point.effects if name not in there]
-    if not case.adds_up or not later:
+    if not done.together or not later:
         return None
     case = replace(case, noise=found.noise)
     return without(trials, case, found, later[0], f"{stage}_plain", later[1:])
@@ -222,7 +253,13 @@ def without(
     name: str,
     stage: str,
     others: Sequence[str] = (),
+    more: int = 0,
 ) -> Fit:
-    """The fit without one effect and some others, from the derivative of the fit with them."""
-    held = found.without([name, *others])
-    return trials.further(case, held, f"{stage}_without_{name}_of_{len(found.free.effects)}", 0)
+    """The fit without one effect and some others, from the derivative of the fit with them, and so many
+    `more`.
+    """
+    held, of = (
+        found.without([name, *others]),
+        f"{stage}_without_{name}_of_{len(found.free.effects)}",
+    )
+    return trials.further(case, held, f"{of}_{more}" if more else of, more)

@@ -10,6 +10,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import matters
 from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.confirmed import ToldByRows
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.fitting.fitted import Fit
 from serpent_twin.identification.fitting.free_parameters import FreeParameters, free_parameters
@@ -39,8 +40,12 @@ class TracerFits:
         on_progress: OnProgress,
         seed: int,
         seconds: float = np.inf,
+        told_by_rows: Callable[[], ToldByRows] | None = None,
     ) -> None:
-        """Set up the fits of a trace; no further effect is sought once `seconds` from now have passed."""
+        """Set up the fits of a trace; no further effect is sought once `seconds` from now have passed. Where
+        rows of a motion say something by themselves, `told_by_rows` tells it.
+        """
+        self._told_by_rows = told_by_rows
         self.case, self.training, self.held_out = case, training, held_out
         self.notes, self.on_progress, self.seed = notes, on_progress, seed
         self.trials = Trials(training, held_out, notes, on_progress)
@@ -80,7 +85,7 @@ class TracerFits:
         case = replace(self.case, noise=found.noise)  # which its residual is weighed by
         return case.weighed_by(found.residual, self.case.take(self.training, found.used))
 
-    def _identifiable(self, opening: Fit) -> Identifiability:
+    def _identifiable(self, opening: Fit) -> Identifiability | None:
         """What these logs can tell at all, to first order."""
         names = [name for name in self.case.candidates if name not in self.case.unseen]
         found = list(self.trials.scores("1_start", self.case, opening, names).values())

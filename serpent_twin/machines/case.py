@@ -146,6 +146,12 @@ class Case(Generic[P]):
         """Cut sessions into segments."""
         return self.machine.pieces(sessions)
 
+    @property
+    def roughly(self) -> "Case[P]":
+        """The case that simulates in as few time steps as tell twins apart."""
+        machine: Any = self.machine
+        return replace(self, machine=machine.rough) if hasattr(machine, "rough") else self
+
     def shortest(self, sessions: Sequence[Any]) -> P | None:
         """Short segments of sessions by which a first guess is made; None where there are none."""
         machine: Any = self.machine

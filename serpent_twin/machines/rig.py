@@ -101,3 +101,7 @@ class Rig(Protocol):
     def open(self, training: Sequence[Any]) -> "Case[Any]":
         """First guesses out of training logs."""
         ...
+
+    def in_rows(self, case: "Case[Any]", training: Sequence[Any]) -> "Case[Any] | None":
+        """The case of what rows say by themselves, without simulation; None where they say too little."""
+        ...

@@ -22,6 +22,8 @@ _NYQUIST = 0.9
 """Highest cutoff, as a share of half the rate: there is nothing to filter above it"""
 _SAMPLED = 1.7
 """Samples in a period of the highest cutoff, so few that white noise below it is white again"""
+_MOST = 0.5
+"""Largest share of its rows that a joint loses since it reverses near them"""
 _EDGE = 1.0
 """Rows at both ends that a filter does not know well, in periods of its cutoff"""
 
@@ -83,11 +85,13 @@ def smoothed(angle: Array, period: float, cutoffs: Sequence[float]) -> SmoothedM
 
 
 def near_reversals(rate: Array, slow: float, rows: int) -> NDArray[np.bool_]:
-    """Rows, (T,), within so many of which a rate is both above a slow one and below its negative."""
+    """Rows, (T,), within so many of which a rate is both above a slow one and below its negative; none if
+    these are most.
+    """
     size = 2 * rows + 1
     up, down = maximum_filter1d(rate, size), minimum_filter1d(rate, size)
     reverses: NDArray[np.bool_] = (up > slow) & (down < -slow)
-    return reverses
+    return reverses & (reverses.mean() < _MOST)
 
 
 def below(values: Array, period: float, hz: float) -> Array:

@@ -45,10 +45,10 @@ def drawn(
     far_off = [k for k, each in enumerate(found.free.declared) if _is_far_off(case, each)]
     # a number that may be nearly nothing is uncertain by itself, and not by its logarithm
     steps[:, far_off] = np.log1p(np.maximum(steps[:, far_off], _LEAST - 1))
-    some = case.take(training, found.used)
+    some, timestep = case.take(training, found.used), case.coarse_step([found.point])
 
     def costs(points: list[ParameterVector]) -> Array:
-        left = case.residual(points, some)
+        left = case.residual(points, some, timestep)
         inflation = found.variance_inflation
         return np.array(
             [cost_at(case, *each, inflation) for each in zip(points, left, strict=True)]

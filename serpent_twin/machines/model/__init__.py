@@ -24,6 +24,7 @@ from serpent_twin.machines.model.doubts import (
     require_varied,
 )
 from serpent_twin.machines.model.drives import PARTS
+from serpent_twin.machines.model.equation_error import accelerations
 from serpent_twin.machines.model.held import with_offsets
 from serpent_twin.machines.model.held_motion import with_smoothed
 from serpent_twin.machines.model.known import with_known_noted
@@ -91,6 +92,14 @@ class ModelRig:
         if self.described.about.held and not self.twin:
             return replace(self, described=with_offsets(self.described, training))._open(training)
         return self._open(training)
+
+    def in_rows(self, case: Case[Any], training: Sequence[Log]) -> Case[Any] | None:
+        """The case of the accelerations in all rows, where a motion says them; else None."""
+        machine: Any = case.machine
+        found = accelerations(machine, training)
+        if found is None:
+            return None
+        return Case(found, np.ones(len(found.outputs)), case.unseen, clock=case.clock)
 
     def _open(self, training: Sequence[Log]) -> Case[Segments]:
         fitted = coordinates(self.described)

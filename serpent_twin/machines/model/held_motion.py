@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.engine.stepper import side_by_side
@@ -32,8 +31,6 @@ from serpent_twin.tables.smoothing import (
 
 _ROUNDED = 0.5
 """Time to both sides of a reversal in which a filter rounds it off, in periods of its cutoff"""
-_MOST = 0.5
-"""Largest share of its rows that a joint loses for that"""
 _DELAY = 0.1
 """Least delay of a logged velocity that is stated, in rows"""
 _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
@@ -132,7 +129,8 @@ def _with_smoothed(
     amid[edge : len(run) - edge] = True
     for each in machine.about.measured:
         hz = filters[each.joint].hz
-        turns = _reversals(motions[each.joint].rate[:, 0], round(_ROUNDED / (hz * run.period)))
+        rounded = round(_ROUNDED / (hz * run.period))
+        turns = near_reversals(motions[each.joint].rate[:, 0], STANDING, rounded)
         for name in each.columns:
             values = run.columns[name]
             known = amid & (reversals | ~turns) & np.isfinite(values)
@@ -140,12 +138,6 @@ def _with_smoothed(
     notes = (*run.metadata.get(NOTES, ()), note)
     columns = {name: of[::every] for name, of in (run.columns | more).items()}
     return replace(run, columns=columns, metadata=run.metadata | {NOTES: notes})
-
-
-def _reversals(rate: Array, rows: int) -> NDArray[np.bool_]:
-    """Rows, (T,), within so many of which a joint moves to both sides; none if these are most."""
-    found = near_reversals(rate, STANDING, rows)
-    return found & (found.mean() < _MOST)
 
 
 def held_columns(machine: Described) -> list[str]:

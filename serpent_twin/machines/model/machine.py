@@ -107,6 +107,12 @@ class ModelMachine(SimulatedModel):
         """Mean error of the pose before the machine was changed, in its measure's unit; 0 if unknown."""
         return self.before.error
 
+    @property
+    def rough(self) -> "ModelMachine":
+        """The machine in the fewest time steps a row."""
+        least = min(self.steps, self._coarse)
+        return replace(self, steps=least, gains=StartGains(), begun=SessionStarts())
+
     def shortest(self, sessions: Sequence[Log]) -> Segments | None:
         """Some two rows each of sessions, if a motion goes on from measured sites in any row; else None."""
         if self.before.values or not goes_on_from_sites(self.described):
