@@ -81,7 +81,8 @@ def bars(
     """
     camera = noise_alone(case, held_out)
     share = wider * min(1.0, BEYOND * camera / error) if error > 0 else wider
-    alike = drawn(case, found, training, rng, _DRAWS, share)
+    roughly = case.coarse_step([found.point])  # enough for what differs between twins
+    alike = drawn(case, found, training, rng, _DRAWS, share, roughly)
     complete = case.expected(found.point, alike, held_out, rng)
     left = error * float(np.sqrt(neglected(case, found)))
     return Bars(camera, complete, noise.mean_jitter, case.machine.error_before_change, left)

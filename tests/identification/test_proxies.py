@@ -35,7 +35,8 @@ def left_of(strength, measured=errors):
         errors=measured,
     )
     rounds = [
-        SimpleNamespace(accepted=(n,), trials={n: SimpleNamespace(score=score[n])}) for n in names
+        SimpleNamespace(accepted=(n,), trials={n: SimpleNamespace(score=score[n])}, together=False)
+        for n in names
     ]
     return list(without_proxies(trials, arm, both, rounds).point.effects)
 

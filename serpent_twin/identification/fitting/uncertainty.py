@@ -28,13 +28,14 @@ def drawn(
     rng: np.random.Generator,
     n: int,
     share: float = 1.0,
+    timestep: float | None = None,
 ) -> list[ParameterVector]:
     """Twins that the data cannot distinguish from the fitted one; with only a share of its standard errors,
     if given. A value that is at its limit stays.
 
     They are drawn from the fit's covariance, which is right to first order. Where a number is hardly
     determined, its error is large and responses bend: a twin that fits the training segments worse than
-    one in a hundred would is brought nearer by halves.
+    one in a hundred would is brought nearer by halves; as the usual time steps say, or others [s].
     """
     ranges = [list(case.candidates[name].ranges.values())[k] for name, k in found.free.effects]
     values = [found.point.effects[name][k] for name, k in found.free.effects]
@@ -45,7 +46,7 @@ def drawn(
     far_off = [k for k, each in enumerate(found.free.declared) if _is_far_off(case, each)]
     # a number that may be nearly nothing is uncertain by itself, and not by its logarithm
     steps[:, far_off] = np.log1p(np.maximum(steps[:, far_off], _LEAST - 1))
-    some, timestep = case.take(training, found.used), case.coarse_step([found.point])
+    some = case.take(training, found.used)
 
     def costs(points: list[ParameterVector]) -> Array:
         left = case.residual(points, some, timestep)
