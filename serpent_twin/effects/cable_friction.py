@@ -97,11 +97,9 @@ def rub(moment: Any, torque: Array, transition_velocity: Array | float) -> None:
     """Add friction to hinges [N m], regularised below a velocity of its own [rad/s]: near rest, the slopes of
     both frictions add.
     """
-    before = moment.joint_friction / np.maximum(moment.transition_velocity, _STICKS)
-    slope = before + torque / np.maximum(transition_velocity, _STICKS)
-    rubs = moment.joint_friction + torque
-    moment.joint_friction = rubs
-    near = np.where(
-        np.greater(torque, 0), rubs / np.maximum(slope, _STICKS), moment.transition_velocity
-    )
-    moment.transition_velocity = near
+    friction, creeps = moment.joint_friction, moment.transition_velocity
+    slope = friction / np.maximum(creeps, _STICKS)
+    slope += torque / np.maximum(transition_velocity, _STICKS)
+    moment.joint_friction = rubs = friction + torque
+    near = rubs / np.maximum(slope, _STICKS)
+    moment.transition_velocity = np.where(np.greater(torque, 0), near, creeps)

@@ -1,6 +1,6 @@
 """Define what effects and laws do with one time step of runs: read it, and change what is used of it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MethodType
 from typing import Any, ClassVar, Self
 
@@ -10,6 +10,9 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects.law import FORCES, HANDLES, POSITIONS, SPRING, Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
+
+_WHEN_READ = "_when_read"
+_NOTHING: Mapping[str, Any] = {}
 
 
 class Instant:
@@ -43,27 +46,52 @@ class Instant:
     """Time from the beginning of the log to that of the session [s], a scalar or (n, 1)"""
 
     @classmethod
-    def of(cls, **fields: Any) -> Self:
-        """An instant of all its fields, in a third of the time of its constructor: one is made for every
-        time step.
+    def of(cls, when_read: Mapping[str, Callable[[Any], Any]] = _NOTHING, **fields: Any) -> Self:
+        """An instant of some fields, and of others that are computed when they are read first, from the
+        instant. One is made for every time step, of which effects read little.
         """
         instant = object.__new__(cls)
-        instant.__dict__.update(fields)
+        own = instant.__dict__
+        own.update(fields)
+        own[_WHEN_READ] = when_read
         instant.__post_init__()
         return instant
 
     def __post_init__(self) -> None:
         own = self.__dict__
-        for name in self.given:
-            if isinstance(value := own[name], np.ndarray) and value.flags.writeable:
-                own[name] = _read_only(value)
+        for name in own.keys() & self.given:
+            own[name] = read_only(own[name])
+
+    def __getattr__(self, name: str) -> Any:
+        """A field that nobody has read yet."""
+        computed = self.__dict__.get(_WHEN_READ, _NOTHING).get(name)
+        if computed is None:
+            told = f"{type(self).__name__!r} object has no attribute {name!r}"
+            raise AttributeError(told, name=name, obj=self)
+        value = computed(self)
+        self.__dict__[name] = value = read_only(value) if name in self.given else value
+        return value
+
+    def now(self, name: str) -> Any:
+        """A field for reading alone: if no effect has changed it, the simulation need not write it."""
+        own = self.__dict__
+        return own[name] if name in own else own[_WHEN_READ][name](self)
+
+    def whole(self) -> Self:
+        """The instant with every field computed, so that it may be read when its simulation has gone on."""
+        for name in self.__dict__.get(_WHEN_READ, _NOTHING):
+            getattr(self, name)
+        return self
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in self.given and name in self.__dict__:
-            raise SerpentError(
-                f"{name} cannot be changed by an effect here: the simulation would not honour it. Effects "
-                f"change {', '.join(n for n in self.__dict__ if n not in self.given)}."
-            )
+        if name in self.given:
+            there = {**self.__dict__, **self.__dict__.get(_WHEN_READ, _NOTHING)}
+            if name in there:
+                free = [n for n in there if n not in self.given and n != _WHEN_READ]
+                raise SerpentError(
+                    f"{name} cannot be changed by an effect here: the simulation would not honour it. "
+                    f"Effects change {', '.join(free)}."
+                )
         object.__setattr__(self, name, value)
 
     def reading_of(self, law: Law) -> Array:
@@ -142,8 +170,11 @@ class Instant:
         return self.kinds.get(field, self.usual_kind)
 
 
-def _read_only(array: Array) -> Array:
-    view = array.view()
+def read_only(value: Any) -> Any:
+    """A view of an array that cannot be written to; what is no array, or is read-only, as it is."""
+    if not isinstance(value, np.ndarray) or not value.flags.writeable:
+        return value
+    view = value.view()
     view.setflags(write=False)
     return view
 

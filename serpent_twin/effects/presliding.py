@@ -29,16 +29,17 @@ def give_way(moment: Any, held: Array, compliance: Array | float) -> None:
     is the constraint's, in proportion to the speed. The constraint is as strong either way, so a hinge that
     slides has all of its friction in it, and none outside.
     """
-    limit = np.maximum(moment.joint_friction, _LEAST)
-    speed, dt = moment.joint_velocity, np.maximum(moment.dt, _LEAST)
-    give = np.maximum(compliance + dt * moment.transition_velocity / limit, _LEAST)
-    torque = (compliance * held + moment.dt * speed) / give
-    slides = (np.abs(torque) >= limit) & (moment.dt * np.abs(speed) > _SLIDES * limit * give)
-    np.minimum(np.maximum(torque, -limit), limit, out=held)
+    friction, creeps, dt = moment.joint_friction, moment.transition_velocity, moment.dt
+    limit, went = np.maximum(friction, _LEAST), dt * moment.joint_velocity
+    dt = np.maximum(dt, _LEAST)
+    give = np.maximum(compliance + dt * creeps / limit, _LEAST)
+    room, loaded = limit * give, compliance * held + went
+    slides = (np.abs(loaded) >= room) & (np.abs(went) > _SLIDES * room)
+    np.minimum(np.maximum(loaded / give, -limit), limit, out=held)
     outside = np.where(slides, 0.0, held * compliance / give)
     moment.joint_torque = moment.joint_torque - outside
     elastic = np.greater(compliance, 0.0)
-    room = np.where(elastic, limit + np.abs(outside), moment.joint_friction)
-    near = np.where(slides, _HARD, room * give / dt)
-    moment.transition_velocity = np.where(elastic, near, moment.transition_velocity)
-    moment.joint_friction = room
+    held_in = np.where(elastic, limit + np.abs(outside), friction)
+    near = np.where(slides, _HARD, held_in * give / dt)
+    moment.transition_velocity = np.where(elastic, near, creeps)
+    moment.joint_friction = held_in

@@ -129,5 +129,7 @@ def addresses(
 
 def in_a_row(indices: NDArray[np.intp]) -> NDArray[np.intp] | slice:
     """Indices as a slice where each follows the other: NumPy reads and writes that in a third of the time."""
+    if not len(indices):
+        return indices
     first, last = int(indices[0]), int(indices[-1]) + 1
     return slice(first, last) if np.array_equal(indices, np.arange(first, last)) else indices

@@ -163,10 +163,12 @@ class Trials:
         far: bool = False,
     ) -> Fit:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
-        compared with others should not be half-way. It may go `far` with one number.
+        compared with others should not be half-way. It may go `far` with one number. With other weights, its
+        last derivative serves again first; with the same ones it had nothing more to give.
         """
         self.on_progress(f"fitting {in_words(begun.point)} further")
         most, free = len(begun.used), begun.free
+        serves = not derivatives or not np.array_equal(begun.noise, case.noise)
         return self.notes.fit(
             stage,
             lambda: fit(
@@ -177,7 +179,8 @@ class Trials:
                 derivatives,
                 most,
                 self.on_progress,
-                carried=begun,
+                carried=begun if serves else None,
+                used=begun.used,
                 far=far,
             ),
         )

@@ -19,8 +19,8 @@ from serpent_twin.machines.model.sizes import Sizes, given, of_joint, sized_cand
 from serpent_twin.machines.model.springs import Springs, single_joints
 from serpent_twin.machines.model.starts import angle_of, left_to_rest, measured_joints
 from serpent_twin.machines.model.state_effects import state_driven
-from serpent_twin.machines.model.state_laws import springs_at
 from serpent_twin.machines.model.state_moment import JOINT, TENDON
+from serpent_twin.machines.model.state_places import springs_at
 from serpent_twin.machines.model.things import lengths, tendon_levers
 from serpent_twin.tables.log import Log
 

@@ -34,7 +34,7 @@ class PoseChanges:
         self._laws = runs.laws
         self._gives = runs.rest.giving_way(self._came).inverse[self._came]
         self._force, self._seen = self._now()
-        self._instant = self._laws.first()
+        self._instant = self._laws.first().whole()
         self._slopes = self._by_pose()
 
     def reading(self, reading: str, place: str) -> Array:

@@ -151,7 +151,7 @@ class Prescription:
             self._data = batch.expand("eq_data")
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._force, _ = batch.bind("qfrc_applied"), batch.bind("ten_length")
-        self._pose, self._speed = (in_a_row(each) if len(each) else each for each in (pose, speed))
+        self._pose, self._speed = in_a_row(pose), in_a_row(speed)
         own = np.array([model.joint(name).user[2] for name in names]) if moves else 0.0
         self._inertia = model.dof_armature[speed] - own
         self.shift = np.zeros((len(self._qpos), len(names)))

@@ -30,7 +30,7 @@ class Springs:
         tendons = [model.tendon(name).id for kind, name in several if kind == "tendon"]
         joints = [_joint(model, *each) for each in several if each[0] != "tendon"]
         self._count = len(tendons)
-        self._tendons, self._at = map(_columns, (tendons, model.jnt_qposadr[joints]))
+        self._tendons, self._at = _columns(tendons), in_a_row(model.jnt_qposadr[joints])
         self._lengths, self._qpos = batch.bind("ten_length"), batch.bind("qpos")
         self._arms = batch.bind("ten_J")
         self._entries, self._passed = _passed(model, tendons)
@@ -150,10 +150,9 @@ def single_joints(model: mujoco.MjModel) -> NDArray[np.intp]:
     return np.flatnonzero(np.isin(model.jnt_type, _SINGLE))
 
 
-def _columns(several: Sequence[int] | NDArray[np.intp]) -> _Places:
+def _columns(several: Sequence[int]) -> _Places:
     """Columns as a slice, where they can be."""
-    at = np.array(several, np.intp)
-    return in_a_row(at) if len(at) else at
+    return in_a_row(np.array(several, np.intp))
 
 
 def _joint(model: mujoco.MjModel, kind: str, name: str) -> int:

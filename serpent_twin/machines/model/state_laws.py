@@ -1,6 +1,6 @@
 """Let effects act on a model's state in each time step."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -11,23 +11,29 @@ from numpy.typing import NDArray
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.errors import SerpentError
+from serpent_twin.effects.instant import read_only
+from serpent_twin.engine.stepper import in_a_row
 from serpent_twin.machines.model.joint_friction import JointFriction
 from serpent_twin.machines.model.misread import SeenMoment, Views, only_seen
 from serpent_twin.machines.model.prescribed import NO_EFFORTS, Prescription
-from serpent_twin.machines.model.springs import Springs, drives_on, single_joints
-from serpent_twin.machines.model.state_effects import Acting, state_driven
+from serpent_twin.machines.model.springs import Springs
+from serpent_twin.machines.model.state_effects import Acting
 from serpent_twin.machines.model.state_moment import (
     ACTUATOR,
     BODY,
-    FRAME,
     JOINT,
     SPRING,
     TENDON,
     WINCH,
     StateMoment,
-    fixed,
 )
+from serpent_twin.machines.model.state_places import state_places
+
+_WRITTEN = (
+    *("gear_friction", "transition_velocity", "joint_torque", "tendon_friction", "winch_angle"),
+    *("slack", "stiffness", "acceleration", "drive_torque", "wrench"),
+)
+"""What effects change of an instant"""
 
 
 class StateLaws:
@@ -60,7 +66,7 @@ class StateLaws:
         """What effects remember where the runs begin, once it is known"""
         wanted = {name for each in self._several for name in each.things} | beside
         wanted |= {each.law.where for each in self.seen if each.law.follows_a_thing}
-        self._names, springs = _places(model, wanted)
+        self._names, springs = state_places(model, wanted)
         self._springs = Springs(batch, springs)
         joints, self._tendons, self._bodies = (
             [of(name).id for name in self._names[kind]]
@@ -90,6 +96,19 @@ class StateLaws:
         self._own_along = self._along[:, self._tendons].copy()
         efforts = prescribed.efforts if prescribed else NO_EFFORTS
         self._friction = JointFriction(batch, self._v, self._winches.tolist(), efforts)
+        self._written: set[str] = set()
+        self._fixed: dict[str, Any] = {
+            "names": self._names,
+            "all_of": self._all_of,
+            "known_places": {},
+            "prior_runtime": acting.clocks.prior_runtime[:, None],
+            "winches": in_a_row(self._winches),
+            "limits": self._springs.limits,
+            "least_stretch": np.where(self._springs.limits[0] < 0, -np.inf, 0.0),
+            "drives": self._drives,
+        }
+        self._fixed = {name: read_only(value) for name, value in self._fixed.items()}
+        self._when_read = self._read_of_state()
 
     def _of_all(self, joints: Sequence[int]) -> dict[str, NDArray[np.intp] | slice]:
         """Which places of each kind an effect without a place is at."""
@@ -100,8 +119,8 @@ class StateLaws:
         others = [k for k in range(len(joints)) if k not in self._winches]
         geared = np.array(of_drives, np.intp)
         return {
-            **dict.fromkeys(("gear_friction", "horn_torque"), geared),
-            JOINT: np.array(others, np.intp),
+            **dict.fromkeys(("gear_friction", "horn_torque"), in_a_row(geared)),
+            JOINT: in_a_row(np.array(others, np.intp)),
             SPRING: slice(0, len(self._tendons)),
         }
 
@@ -120,7 +139,7 @@ class StateLaws:
         self.hold()
         self._rate, self._row = self._qvel.copy(), self._clock.copy()
         if self.seen:
-            moment = self._moment(0.0 * self._dt, self._time, self._rate)
+            moment = self._moment(0.0 * self._dt, self._rate)
             self._shows = effects.begin(self.seen, moment)
         return self._changed(0.0 * self._dt, self._rate)
 
@@ -149,21 +168,17 @@ class StateLaws:
         self.write(self._changed(self._dt, now))
 
     def _changed(self, dt: Array, rate: Array) -> StateMoment:
-        moment = self._moment(dt, self._time, rate)
+        moment = self._moment(dt, rate)
         effects.act(self._several, moment, self._memory)
         return moment
-
-    @property
-    def _time(self) -> Array:
-        """Time since the sessions began [s], (n, 1)."""
-        return self._acting.clocks.begun[:, None] + self._clock[:, None]
 
     def misread(self, shown: Array, views: Views) -> Array:
         """What is seen in a row in place of what is there, (n, C)."""
         dt, self._row = (self._clock - self._row)[:, None], self._clock.copy()
-        names, shift = {**self._names, **views.names}, np.zeros_like(shown)
-        state = self._state(dt, self._time, self._qvel)
-        moment = SeenMoment.of(**state | {"names": names}, views=views, shown=shown, shift=shift)
+        seen = {"views": views, "shown": shown, "shift": np.zeros_like(shown)}
+        seen |= {"names": {**self._names, **views.names}, "known_places": {}}
+        seen |= {"dt": dt, "rate": self._qvel.copy(), "shifted": "winch_angle" in self._written}
+        moment = SeenMoment.of(self._when_read, **self._fixed | seen)
         effects.act(self.seen, moment, self._shows)
         return shown + moment.shift
 
@@ -173,7 +188,9 @@ class StateLaws:
         if earlier is None:
             self._batch.forward()
             self.hold()
-            return effects.begin(self._several, self._moment(0.0 * self._dt, begun, self._qvel))
+            return effects.begin(
+                self._several, self._moment(0.0 * self._dt, self._qvel.copy(), time=begun)
+            )
         memory: list[Any] = []
         for k in range(int(earlier.rows.max()) + 1):
             self._qpos[...] = earlier.pose[earlier.session, k]
@@ -183,118 +200,88 @@ class StateLaws:
             self._batch.forward()
             self.hold()
             dt = np.where(k < earlier.rows, earlier.period, 0.0)[:, None]
-            moment = self._moment(dt, k * earlier.period[:, None], self._qvel)
+            moment = self._moment(dt, self._qvel.copy(), time=k * earlier.period[:, None])
             memory = memory or effects.begin(self._several, moment)
             effects.act(self._several, moment, memory)
         return memory
 
-    def _moment(self, dt: Array, time: Array, rate: Array) -> StateMoment:
+    def _moment(self, dt: Array, rate: Array, **known: Any) -> StateMoment:
         """An instant without effects, of rates (n, nv)."""
-        return StateMoment.of(**self._state(dt, time, rate))
+        known |= {"dt": dt, "rate": rate, "shifted": "winch_angle" in self._written}
+        return StateMoment.of(self._when_read, **self._fixed, **known)
 
-    def _state(self, dt: Array, time: Array, rate: Array) -> dict[str, Any]:
-        """All that is in an instant without effects."""
-        n, springs = len(dt), self._springs
-        free, told = springs.state(rate)
-        given = self._driving[0][:, self._motors] * self._gear
-        other = self._driving[1][:, self._v] - given @ self._drives
-        other = other + self._load[:, self._v] - self._spring_load[:, self._v]
-        other[:, self._winches] *= 2  # whose motion takes all that they carry
-        angle, rates = self._qpos[:, self._q], rate[:, self._v]
-        wound = angle[:, self._winches]
-        shifted = self._prescribed.shift[:, self._columns] if self._prescribed else 0.0
+    def _read_of_state(self) -> dict[str, Callable[[Any], Any]]:
+        """What an instant has of the batch's state, and of what the model has without effects, each computed
+        when an effect reads it.
+        """
+        springs, friction, n, bodies = self._springs, self._friction, len(self._dt), self._bodies
+        joints, winches = in_a_row(self._v), in_a_row(self._winches)
+        begun, followed, columns = (
+            self._acting.clocks.begun[:, None],
+            self._prescribed,
+            self._columns,
+        )
         return {
-            "names": self._names,
-            "all_of": self._all_of,
-            "dt": dt,
-            "time": time,
-            "prior_runtime": self._acting.clocks.prior_runtime[:, None],
-            "joint_angle": angle,
-            "joint_velocity": rates,
-            "motor_angle": wound - shifted,
-            "motor_velocity": rates[:, self._winches],
-            "wound": wound,
-            "winches": self._winches,
-            "levers": springs.levers()[..., self._v],
-            "body_position": self._at[:, self._bodies],
-            "body_rotation": self._turned_to[:, self._bodies].reshape(n, -1, 3, 3),
-            "free_stretch": free,
-            "told_pull": told,
-            "limits": springs.limits,
-            "usual_torque": given,
-            "other_torque": other,
-            "drives": self._drives,
-            "drive_torque": given.copy(),
-            "joint_torque": np.zeros((n, len(self._v))),
-            "gear_friction": self._friction.friction.copy(),
-            "transition_velocity": self._friction.velocity,
-            "winch_angle": wound - shifted,
-            "tendon_friction": self._own_along.copy(),
-            "slack": np.zeros_like(free),
-            "stiffness": springs.stiffness.copy(),
-            "wrench": np.zeros((n, len(self._bodies), 6)),
-            "acceleration": np.zeros((n, 3)),
+            "time": lambda _: begun + self._clock[:, None],
+            "joint_angle": lambda _: self._qpos[:, self._q],
+            "joint_velocity": lambda now: now.rate[:, joints],
+            "wound": lambda now: now.joint_angle[:, winches],
+            "motor_angle": lambda now: (
+                now.wound - (followed.shift[:, columns] if followed else 0.0)
+            ),
+            "motor_velocity": lambda now: now.joint_velocity[:, winches],
+            "levers": lambda _: springs.levers()[..., joints],
+            "body_position": lambda _: self._at[:, bodies],
+            "body_rotation": lambda _: self._turned_to[:, bodies].reshape(n, -1, 3, 3),
+            "pulls": lambda now: springs.state(now.rate),
+            "free_stretch": lambda now: now.pulls[0],
+            "told_pull": lambda now: now.pulls[1],
+            "usual_torque": lambda _: self._driving[0][:, self._motors] * self._gear,
+            "other_torque": self._other_torque,
+            "drive_torque": lambda now: now.usual_torque.copy(),
+            "joint_torque": lambda _: np.zeros((n, len(self._v))),
+            "gear_friction": lambda _: friction.friction.copy(),
+            "transition_velocity": lambda _: friction.velocity,
+            "winch_angle": lambda now: now.motor_angle.copy(),
+            "tendon_friction": lambda _: self._own_along.copy(),
+            "slack": lambda _: np.zeros_like(springs.stiffness),
+            "stiffness": lambda _: springs.stiffness.copy(),
+            "wrench": lambda _: np.zeros((n, len(bodies), 6)),
+            "acceleration": lambda _: np.zeros((n, 3)),
         }
 
+    def _other_torque(self, now: StateMoment) -> Array:
+        other = (
+            self._driving[1][:, self._v] + self._load[:, self._v] - self._spring_load[:, self._v]
+        )
+        if len(self._motors):
+            other -= now.usual_torque @ self._drives
+        other[:, self._winches] *= 2  # whose motion takes all that they carry
+        return other
+
     def write(self, moment: StateMoment) -> None:
-        """Write into the batch what the effects have made of an instant."""
-        rubs = moment.gear_friction, moment.transition_velocity
-        self._friction.write(*rubs, moment.joint_torque)
-        self._along[:, self._tendons] = np.maximum(moment.tendon_friction, 0.0)
-        if self._prescribed:
+        """Write into the batch what the effects have made of an instant: what they have read or changed of
+        it, and what was written of the one before.
+        """
+        changed = {name for name in _WRITTEN if name in moment.__dict__}
+        of, self._written = changed | self._written, changed
+        if not of.isdisjoint(("gear_friction", "transition_velocity", "joint_torque")):
+            rubs = moment.gear_friction, moment.transition_velocity
+            self._friction.write(*rubs, moment.joint_torque)
+        if "tendon_friction" in of:
+            self._along[:, self._tendons] = np.maximum(moment.tendon_friction, 0.0)
+        if self._prescribed and "winch_angle" in of:
             turned = moment.winch_angle - moment.motor_angle
             self._prescribed.shift[:, self._columns] = turned
-        self._springs.write(moment.slack, moment.stiffness)
-        self._gravity[...] = self._weighs - moment.acceleration
-        self._applied[...] = 0.0
-        self._applied[:, self._v] = moment.joint_torque
-        self._applied += (moment.drive_torque - moment.usual_torque) @ self._turned
-        if self._bodies:
+        if "slack" in of or "stiffness" in of:
+            self._springs.write(moment.slack, moment.stiffness)
+        if "acceleration" in of:
+            self._gravity[...] = self._weighs - moment.acceleration
+        if not of.isdisjoint(("joint_torque", "drive_torque")):
+            self._applied[...] = 0.0
+            self._applied[:, self._v] = moment.joint_torque
+            if len(self._motors):
+                more = moment.drive_torque - moment.usual_torque
+                self._applied += more @ self._turned
+        if self._bodies and "wrench" in of:
             self._pushed[:, self._bodies] = moment.wrench
-
-
-def springs_at(model: mujoco.MjModel, wanted: set[str]) -> list[tuple[str, str]]:
-    """The kind and name of what pulls at places that are wanted, all if one is ""; of one name, the first."""
-    return _places(model, wanted)[1]
-
-
-def _places(
-    model: mujoco.MjModel, wanted: set[str]
-) -> tuple[dict[str, list[str]], list[tuple[str, str]]]:
-    """The names of the places of each kind that are wanted, all if one is "", and the kinds and names of
-    springs.
-    """
-    joints, tendons, bodies = (
-        [name for name in several if name and (name in wanted or "" in wanted)]
-        for several in (
-            [model.joint(int(n)).name for n in single_joints(model)],
-            [model.tendon(n).name for n in range(model.ntendon)],
-            [model.body(n).name for n in range(1, model.nbody)],
-        )
-    )
-    springs = [(TENDON, name) for name in tendons]
-    springs += [(JOINT, name) for name in joints if model.joint(name).stiffness[0]]
-    springs += [
-        ("drive", model.actuator(a).name)
-        for n in single_joints(model)
-        for a in drives_on(model, JOINT, int(n))
-        if model.actuator_biasprm[a, 1] and (model.actuator(a).name in wanted or "" in wanted)
-    ]
-    first = dict.fromkeys(name for _, name in springs)
-    springs = [next(each for each in springs if each[1] == name) for name in first]
-    motors = [name for name in state_driven(model) if name in wanted or "" in wanted]
-    names = {
-        FRAME: fixed(model),
-        JOINT: joints,
-        TENDON: tendons,
-        BODY: bodies,
-        SPRING: [*first],
-        ACTUATOR: motors,
-    }
-    there = {name for several in names.values() for name in several}
-    if lacking := sorted(wanted - there - {""}):
-        raise SerpentError(
-            f"the model has no hinge, slide, tendon, body or drive of a joint {lacking[0]!r}, at which a "
-            "law of its motion could act. Name one of them."
-        )
-    return names, springs

@@ -31,7 +31,8 @@ class StateMoment(Instant):
     given: ClassVar[frozenset[str]] = frozenset(
         {"names", "all_of", "dt", "time", "prior_runtime", "joint_angle", "joint_velocity", "motor_angle",
          "motor_velocity", "wound", "winches", "levers", "body_position", "body_rotation", "free_stretch",
-         "told_pull", "limits", "usual_torque", "other_torque", "drives"}
+         "told_pull", "limits", "usual_torque", "other_torque", "drives",
+         "rate", "pulls", "least_stretch", "shifted"}
     )  # fmt: skip
     everywhere: ClassVar[frozenset[str]] = Instant.everywhere | {"presliding", "strands"}
     followed: ClassVar[tuple[str, ...]] = (
@@ -67,8 +68,12 @@ class StateMoment(Instant):
     joints that are driven, other changes of joints at those whose motion is not prescribed, and of springs at
     tendons
     """
+    known_places: dict[tuple[str, str], tuple[Any, ...]]
+    """Indices of quantities at places, as they were asked for"""
     dt: Array
     """[s], (n, 1); 0 where memories do not go on"""
+    rate: Array
+    """Rates of all degrees of freedom [rad/s or m/s], (n, nv)"""
     time: Array
     """Time since the session began [s], (n, 1)"""
     prior_runtime: Array
@@ -83,20 +88,26 @@ class StateMoment(Instant):
     """[rad/s or m/s], (n, P)"""
     wound: Array
     """Angle or length of prescribed joints with which the tendons' lengths are computed [rad or m], (n, P)"""
-    winches: NDArray[np.intp]
-    """Indices among the joints of those whose motion is prescribed, (P,)"""
+    winches: NDArray[np.intp] | slice
+    """Indices among the joints of those whose motion is prescribed, P"""
     levers: Array
     """Change of the tendons' lengths with the joints [m/rad or 1], (n, L, J)"""
     body_position: Array
     """Position of each body's centre of mass in the world [m], (n, B, 3)"""
     body_rotation: Array
     """Rotation from each body's frame to the world's, (n, B, 3, 3)"""
+    pulls: tuple[Array, Array]
+    """The next two, which are computed together"""
     free_stretch: Array
     """Stretch of each spring beyond the rest that it has without effects [m or rad], (n, K)"""
     told_pull: Array
     """What motors pull on a tendon [N], (n, K)"""
     limits: Array
     """Least and most that a spring pulls [N or N m], (2, K)"""
+    least_stretch: Array
+    """0 where a spring can only pull, else −∞, (K,)"""
+    shifted: bool
+    """Whether prescribed joints may be elsewhere than the tendons' lengths have them"""
     usual_torque: Array
     """What the actuators give their joints without effects [N m or N], (n, A)"""
     other_torque: Array
@@ -143,21 +154,22 @@ class StateMoment(Instant):
 
     def pressed(self, tension: Array) -> Array:
         """Torque by which tendons of tensions [N], (n, L), press on joints that they pass [N m], (n, J)."""
-        return np.einsum("nlj,nl->nj", np.abs(self.levers), tension)
+        return (tension[:, None] @ np.abs(self.levers))[:, 0]
 
     @property
     def stretch(self) -> Array:
         """Stretch of each spring beyond its rest [m or rad], (n, K); at least 0 where it can only pull."""
-        free = self.free_stretch - self.slack
-        turned = (self.winch_angle - self.wound)[..., None]
-        if turned.any():
+        free = self.free_stretch - self.now("slack")
+        if self.shifted or "winch_angle" in self.__dict__:
+            turned = (self.winch_angle - self.wound)[..., None]
             free[:, : self.strands] += (self.levers[..., self.winches] @ turned)[..., 0]
-        return np.maximum(free, np.where(self.limits[0] < 0, -np.inf, 0.0))
+        return np.maximum(free, self.least_stretch)
 
     @property
     def tension(self) -> Array:
         """What a spring pulls [N or N m], (n, K)."""
-        return np.clip(self.stiffness * self.stretch + self.told_pull, *self.limits)
+        pulls, (least, most) = self.now("stiffness") * self.stretch + self.told_pull, self.limits
+        return np.minimum(np.maximum(pulls, least), most)
 
     @property
     def horn_torque(self) -> Array:
@@ -170,8 +182,13 @@ class StateMoment(Instant):
 
     def where(self, quantity: str, place: str) -> tuple[Any, ...]:
         """The index of a place in a quantity; of all that an effect without a place is at."""
-        if place:
-            return super().where(quantity, place)
+        known = self.known_places.get((quantity, place))
+        if known is None:
+            known = super().where(quantity, place) if place else self._where_all(quantity)
+            self.known_places[quantity, place] = known
+        return known
+
+    def _where_all(self, quantity: str) -> tuple[Any, ...]:
         kind = self._kind(self._held(quantity))
         return slice(None), self.all_of.get(quantity, self.all_of.get(kind, slice(None)))
 
