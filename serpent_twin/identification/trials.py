@@ -121,14 +121,14 @@ class Trials:
                 continue
             fitted = best_of(several)
             if name in missed:  # what has taken up its part must give way
-                fitted = self.further(case, fitted, f"fit_{stage}_{name}_beside")
+                fitted = self.further(case, fitted, f"fit_{stage}_{name}_beside", fresh=True)
             best = min(best, fitted.cost)
             trials[name] = self.judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
         for name in () if beside and self.little(case, base, before) else chosen:
             fitted = trials[name].fit
             if fitted and not fitted.converged and fitted.cost < near:
-                further = self.further(case, fitted, f"fit_{stage}_{name}_further")
+                further = self.further(case, fitted, f"fit_{stage}_{name}_further", fresh=True)
                 trials[name] = self.judged(case, found[name], base, further, before, len(chosen))
         return trials
 
@@ -161,14 +161,14 @@ class Trials:
         stage: str,
         derivatives: int = _MORE,
         far: bool = False,
+        fresh: bool = False,
     ) -> Fit:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
-        compared with others should not be half-way. It may go `far` with one number. With other weights, its
-        last derivative serves again first; with the same ones it had nothing more to give.
+        compared with others should not be half-way. It may go `far` with one number. Its last derivative
+        serves again first, unless only `fresh` ones have more to give.
         """
         self.on_progress(f"fitting {in_words(begun.point)} further")
         most, free = len(begun.used), begun.free
-        serves = not derivatives or not np.array_equal(begun.noise, case.noise)
         return self.notes.fit(
             stage,
             lambda: fit(
@@ -179,7 +179,7 @@ class Trials:
                 derivatives,
                 most,
                 self.on_progress,
-                carried=begun if serves else None,
+                carried=None if fresh else begun,
                 used=begun.used,
                 far=far,
             ),
