@@ -19,8 +19,10 @@ SETTINGS = "any_model.json"
 
 
 def main(config: AnyModel) -> None:  # noqa: D103 tyro would print it above the config's own
-    every = machines(config.only)
+    every = machines(config.only, config.rows, config.times)
     settings = {"sessions": config.sessions, "seed": config.seed}
+    if config.rows == "torque":
+        settings |= {"rows": config.rows, "times": config.times}
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
         results.complete(every, partial(run, config), line, config.workers, "machine")

@@ -40,6 +40,8 @@ class PublicModel:
     """Strengths of what no effect of the catalogue describes, likewise"""
     planar: bool = False
     """Whether nothing can move along y"""
+    torques: Mapping[str, float] = field(default_factory=dict)
+    """Strengths of what machines lack whose logs hold torques, of the catalogue and of none, likewise"""
 
 
 def _suite(name: str) -> mujoco.MjSpec:
@@ -85,6 +87,8 @@ MODELS: Mapping[str, PublicModel] = {
         {"hinge_friction@hinge": 0.15, "joint_elasticity@hinge": 0.3, "torque_saturation@torque": 0.5,
          "command_delay": 0.03},
         {"soft_stop@hinge": 2.0},
+        torques={"hinge_friction@hinge": 0.15, "joint_elasticity@hinge": 0.3, "gear_friction@hinge": 0.2,
+                 "soft_stop@hinge": 2.0},
     ),
     "acrobot": PublicModel(
         lambda: _suite("acrobot"), (np.pi, 0.0), 1.0, {"elbow": "elbow"}, 4.0,
@@ -92,12 +96,16 @@ MODELS: Mapping[str, PublicModel] = {
          "constant_force@lower_arm": 1.5},
         {"sticking_joint@elbow": 0.6},
         planar=True,
+        torques={"hinge_friction@elbow": 0.3, "joint_elasticity@shoulder": 3.0, "rotor_inertia@elbow": 0.05,
+                 "sticking_joint@elbow": 0.6},
     ),
     "reacher": PublicModel(
         lambda: _suite("reacher"), (0.0, 0.0), 1.0, {"shoulder": "shoulder", "wrist": "wrist"}, 0.5,
         {"hinge_friction@wrist": 0.002, "joint_elasticity@shoulder": 0.02, "servo_lag@wrist": 0.04,
          "sensor_delay@shoulder": 0.03},
         {"soft_stop@wrist": 0.1},
+        torques={"hinge_friction@wrist": 0.002, "joint_elasticity@shoulder": 0.02,
+                 "joint_stiffening@wrist": 0.02, "soft_stop@wrist": 0.1},
     ),
     "leg": PublicModel(
         _leg, (0.0, 0.0, 0.0), 0.4, {name: name for name in ("bthigh", "bshin", "bfoot")}, 1.0,
@@ -105,6 +113,8 @@ MODELS: Mapping[str, PublicModel] = {
          "constant_force@bfoot": 15.0},
         {"sticking_joint@bshin": 12.0, "swinging_force@bfoot": 15.0},
         planar=True,
+        torques={"hinge_friction@bshin": 3.0, "gear_friction@bthigh": 0.2, "joint_stiffening@bthigh": 6000.0,
+                 "constant_force@bfoot": 15.0},
     ),
     "six_joints": PublicModel(
         _six_joints, (0.0, np.pi, np.pi, 0.0, 0.5, 0.0), 0.5,
@@ -112,6 +122,8 @@ MODELS: Mapping[str, PublicModel] = {
         {"hinge_friction@joint_4": 3.0, "gear_backlash@servo_2": 0.02, "constant_force@b_5": 12.0,
          "gravity": 1.5},
         {"swinging_force@b_5": 12.0, "sticking_joint@joint_3": 8.0, "encoder_wave@joint_2": 0.01},
+        torques={"hinge_friction@joint_4": 0.5, "gear_friction@joint_2": 0.2, "constant_force@b_5": 6.0,
+                 "rotor_inertia@joint_5": 0.1},
     ),
 }  # fmt: skip
 """Models by name"""

@@ -44,6 +44,8 @@ class FaultyRun:
             self._carry()
         if self.law == "gravity":
             self.model.opt.gravity += self.towards
+        if self.law == "rotor_inertia":
+            self.model.dof_armature[self.model.joint(self.at).dofadr[0]] += strength
         late = round(strength / STEP) if self.law == "command_delay" else 0
         self._past = deque[Array](maxlen=late + 1)
         self._reached = np.zeros(self.model.nu)
@@ -66,6 +68,17 @@ class FaultyRun:
         """One step, in which the actuators are told something, (nu,)."""
         self.data.ctrl[:] = self._command(told)
         self.data.qfrc_applied[:] = self._force()
+        mujoco.mj_step(self.model, self.data)
+
+    def push(self, torque: Array) -> None:
+        """One step, in which drives give torques to the joints, (nv,), of which gears take some."""
+        self.data.qfrc_applied[:] = torque + self._force()
+        if self.law == "gear_friction":
+            dof = self.model.joint(self.at).dofadr[0]
+            along = np.tanh(self.data.qvel[dof] / _SLIDES)
+            # of the mean of what enters and leaves a gear, which differ by the friction
+            carried = abs(torque[dof]) / (1 + np.sign(torque[dof] * along) * self.strength / 2)
+            self.data.qfrc_applied[dof] -= self.strength * carried * along
         mujoco.mj_step(self.model, self.data)
 
     def _command(self, told: Array) -> Array:

@@ -21,23 +21,33 @@ and the fault is a force, a command or a reading computed there, which shares no
 The machine.toml of each lists the drives and the joints, nothing else: numbers that calibration fits and
 candidates are the default. Strengths are above the detection limits that the traces state; below them
 nothing is named."""
+_TORQUES = """Each machine is a public model (dm_control's pendulum, acrobot and reacher, the hind leg of its
+cheetah, Kinova's six-joint arm) with a drive at each joint and one fault at one place, or with none. A
+controller with the model's own torques closes its motion at 1 kHz. Its log is a CSV with the joints' angles,
+by encoders of 16 bit, and what the drives say that they gave, with noise of 1 % of the most that they give,
+at 200 Hz; the last of {sessions} judges. The data come from an integration (Runge-Kutta, 0.25 ms), the
+twin's torques from inverse dynamics, and the fault is a force computed there, which shares nothing with
+the twin's effect. The machine.toml of each lists angles and torques, nothing else: all inertia numbers,
+damping and zeros of torques are fitted."""
 _COMPOSED = """Of a bumper ("soft stop"), a joint that sticks in a window of its angle, a force that swings at
-0.7 Hz and an encoder that waves, no catalogue has a law: these must be composed."""
+0.7 Hz and an encoder that waves, no catalogue has a law: those among these machines must be composed."""
 
 
 def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     rows, settings = results["rows"], results["settings"]
-    command = "python -m experiments.any_model"
+    command, torque = "python -m experiments.any_model", settings.get("rows") == "torque"
+    if torque:
+        command += f" --rows torque --times {settings['times']}"
     if settings["seed"]:
         command += f" --seed {settings['seed']}"
     sessions = counted(settings["sessions"], "session")
-    told = [_TEXT.format(sessions=sessions)]
+    told = [(_TORQUES if torque else _TEXT).format(sessions=sessions)]
     told += [_COMPOSED] * any(law_of(row["name"]) in COMPOSED for row in rows)
     return PageContent(
-        "Any model",
+        "Any model, torques" if torque else "Any model",
         command,
-        f"{counted(len(rows), 'machine')} of five public models, {sessions} of 12 s each",
+        f"{counted(len(rows), 'machine')} of five public models, {sessions} of {20 if torque else 12} s each",
         (
             Section("", "\n\n".join(told), (_rates(rows),)),
             Section("Machines", "", (_machines(rows),)),

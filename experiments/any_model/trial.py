@@ -4,10 +4,11 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from experiments.any_model.models import MODELS
-from experiments.any_model.record import VECTORS, FaultyRun, describe, record
+from experiments.any_model import record, torques
+from experiments.any_model.models import MODELS, PublicModel
+from experiments.any_model.record import VECTORS, FaultyRun
 from experiments.result_rows import row_or_failure, said_to
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.effects import law_of, place_of
@@ -28,8 +29,12 @@ class AnyModel(Checked):
     """Folder for results; the same command goes on where it stopped."""
     only: tuple[str, ...] = ()
     """Only these models, or only faults of these kinds."""
+    rows: Literal["motion", "torque"] = "motion"
+    """Whether drives are told what to do, or say what they gave along a motion that a controller closes."""
+    times: Annotated[int, within(1, 1000)] = 1
+    """Times that each machine is recorded, each with its own motions and noise."""
     sessions: Annotated[int, within(2, 100)] = 4
-    """Sessions of 12 s; the last one judges."""
+    """Sessions of 12 s, or 20 s of torques; the last one judges."""
     workers: Annotated[int, within(1, 1024)] = 1
     """Machines side by side; with several, set OMP_NUM_THREADS=1."""
     seed: Seed = 0
@@ -57,11 +62,16 @@ class FaultyMachine:
     model: str
     fault: str
     """Law and place, as the trace names it; empty: none"""
+    rows: str = "motion"
+    """What its log holds, as in machine.toml"""
+    number: int = 1
+    """Which of its recordings"""
 
     @property
     def id(self) -> str:
         """Its name in the study."""
-        return f"{self.model}-{self.name.replace('@', '-')}"
+        again = f"-{self.number}" if self.number > 1 else ""
+        return f"{self.model}-{self.name.replace('@', '-')}{again}"
 
     @property
     def name(self) -> str:
@@ -72,15 +82,21 @@ class FaultyMachine:
     def strength(self) -> float:
         """Strength of the fault, in SI units."""
         model = MODELS[self.model]
-        return {**model.faults, **model.accidents}.get(self.fault, 0.0)
+        return faults_of(model, self.rows).get(self.fault, 0.0)
 
 
-def machines(only: Sequence[str] = ()) -> list[FaultyMachine]:
-    """Every model without a fault, then with each of its faults."""
+def faults_of(model: PublicModel, rows: str) -> Mapping[str, float]:
+    """Strengths of the faults that a model's machines have."""
+    return model.torques if rows == "torque" else {**model.faults, **model.accidents}
+
+
+def machines(only: Sequence[str] = (), rows: str = "motion", times: int = 1) -> list[FaultyMachine]:
+    """Every model without a fault, then with each of its faults; all again for each of several times."""
     every = [
-        FaultyMachine(name, fault)
+        FaultyMachine(name, fault, rows, number)
+        for number in range(1, times + 1)
         for name, of in MODELS.items()
-        for fault in ("", *of.faults, *of.accidents)
+        for fault in ("", *faults_of(of, rows))
     ]
     known = {each.model for each in every} | {law_of(each.name) for each in every}
     if unknown := [name for name in only if name not in known]:
@@ -93,12 +109,13 @@ def machines(only: Sequence[str] = ()) -> list[FaultyMachine]:
 def run(config: AnyModel, machine: FaultyMachine) -> dict[str, Any]:
     """Record a machine and trace it; returns what was there and what was found."""
     folder, model = config.out / "machines" / machine.id, MODELS[machine.model]
-    path = describe(folder, model)
+    made = torques if machine.rows == "torque" else record
+    path = made.describe(folder, model)
     for n in range(config.sessions):
         log = folder / "logs" / f"session_{n + 1}.csv"
         if not log.exists():
             seed = zlib.crc32(f"{config.seed} {machine.id} {n}".encode())
-            record(log, model, machine.fault, machine.strength, seed)
+            made.record(log, model, machine.fault, machine.strength, seed)
 
     def found() -> dict[str, Any]:
         with said_to(folder / "said.log"):

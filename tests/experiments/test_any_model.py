@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from experiments.any_model import score, trial
+from experiments.any_model import score, torques, trial
 from experiments.any_model.models import MODELS
 from experiments.any_model.record import FaultyRun
 from experiments.any_model.trial import FaultyMachine, machines
@@ -12,6 +12,7 @@ from serpent_twin import effects
 from serpent_twin.errors import SerpentError
 
 ACCIDENTS = [(name, fault) for name, model in MODELS.items() for fault in model.accidents]
+TORQUES = [(name, fault) for name, model in MODELS.items() for fault in model.torques]
 FAULTS = [(name, fault) for name, model in MODELS.items() for fault in model.faults]
 
 
@@ -32,6 +33,42 @@ def test_a_fault_acts_in_proportion_to_its_strength(name, fault):
     nothing, strength = moved(name, "", 0.0), MODELS[name].faults[fault]
     small, large = (np.abs(moved(name, fault, k * strength) - nothing).max() for k in (0.01, 1))
     assert 0 < small < 0.2 * large and large > 1e-5
+
+
+@pytest.mark.parametrize(("name", "fault"), TORQUES)
+def test_a_fault_takes_its_part_of_a_torque(name, fault):
+    def pushed(strength):
+        machine = FaultyRun(MODELS[name], fault, strength, 1)
+        machine.data.qpos[:] = np.array(MODELS[name].middle) + 0.2
+        for n in range(400):
+            machine.push(0.1 * np.sin(0.01 * n) * np.ones(machine.model.nv))
+        return machine.data.qpos.copy()
+
+    nothing, strength = pushed(0.0), MODELS[name].torques[fault]
+    small, large = (np.abs(pushed(k * strength) - nothing).max() for k in (0.01, 1))
+    assert 0 < small < 0.2 * large and large > 1e-6
+
+
+def test_a_drive_tells_the_torque_that_moves_its_joint(tmp_path, monkeypatch):
+    """Its own model's inverse dynamics, of angles that are differentiated twice."""
+    monkeypatch.setattr(torques, "SECONDS", 2)
+    model = MODELS["acrobot"]
+    torques.record(tmp_path / "log.csv", model, "", 0.0, 3)
+    table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
+    names = [name.strip('"') for name in table.dtype.names]
+    rows = table.view(float).reshape(len(table), -1)
+    assert names == ["t", "q_shoulder", "q_elbow", "tau_shoulder", "tau_elbow"]
+    described = mujoco.MjModel.from_xml_path(
+        str(torques.describe(tmp_path, model).with_name("model.xml"))
+    )
+    data, width, found = mujoco.MjData(described), 10, []
+    for n in range(width, len(rows) - width):
+        around = slice(n - width, n + width + 1)
+        fits = np.polynomial.polynomial.polyfit(rows[around, 0] - rows[n, 0], rows[around, 1:3], 3)
+        data.qpos[:], data.qvel[:], data.qacc[:] = fits[0], fits[1], 2 * fits[2]
+        mujoco.mj_inverse(described, data)
+        found.append(data.qfrc_inverse - rows[n, 3:])
+    assert np.sqrt(np.mean(np.square(found))) < 0.05 * rows[:, 3:].std()
 
 
 def test_a_mass_is_added_as_a_body_at_the_same_place_would_be():

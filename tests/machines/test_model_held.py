@@ -12,6 +12,7 @@ from serpent_twin.effects.discovered import Discovered
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.held_motion import with_smoothed
+from serpent_twin.machines.model.known_motion import STANDING
 from serpent_twin.machines.model.masses import state_all
 from serpent_twin.machines.model.numbers import change_number
 from serpent_twin.machines.rig import NOTES, read_logs
@@ -64,7 +65,7 @@ def test_every_row_is_kept_below_a_highest_cutoff(tmp_path):
     logs = rig.recorded(held_models.log(tmp_path / "log.csv", 0))
     usual, low = (with_smoothed(rig.described, logs, hz)[0] for hz in (np.inf, 2.0))
     (every,) = with_smoothed(rig.described, logs, every_row=True)
-    assert "shoulder 2 Hz, elbow 2 Hz" in low.metadata[NOTES][-1]
+    assert "noise of the motion begins, 2 Hz;" in low.metadata[NOTES][-1]
     assert len(low) < len(usual) < len(every) == len(logs[0])
     lost = [np.isnan(run.columns["i1"]).mean() for run in (usual, every)]
     assert lost[1] < 0.5 * lost[0]
@@ -77,12 +78,19 @@ def rows_of(arm, column):
     return motion(0)[column][at]
 
 
+def rubs_by_load(q, v, a):
+    """Friction of the elbow's gear, a fifth of all that its link takes, what accelerates it included."""
+    load = torques(*(of.reshape(-1, 2) for of in (q, v, a))).reshape(v.shape)[..., 1]
+    return np.stack([0 * load, 0.2 * np.abs(load) * np.tanh(v[..., 1] / STANDING)], -1)
+
+
 @pytest.mark.parametrize(
     ("name", "values", "needs"),
     [
         ("joint_elasticity@shoulder", (1.5,), lambda q, v, a: np.stack([1.5 * q[..., 0], 0 * q[..., 0]], -1)),
         ("rotor_inertia@elbow", (0.02,), lambda q, v, a: np.stack([0 * a[..., 1], 0.02 * a[..., 1]], -1)),
         ("hinge_friction@elbow", (0.0, 0.1), lambda q, v, a: np.stack([0 * v[..., 1], 0.1 * v[..., 1]], -1)),
+        ("gear_friction@elbow", (0.2,), lambda q, v, a: rubs_by_load(q, v, a)),
     ],
 )  # fmt: skip
 def test_an_effect_needs_the_torque_that_it_says(arm, name, values, needs):

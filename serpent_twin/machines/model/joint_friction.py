@@ -56,3 +56,7 @@ class JointFriction:
             changed = (creeps != self.velocity[:, free])[..., None]
             for field, own, new in zip(self._soft, self._own, several, strict=True):
                 field[:, dofs, : own.shape[-1]] = np.where(changed, new[..., None], own)
+
+    def of_drives(self, joints: Array, drives: Array) -> None:
+        """Set values of joints, (n, J), to those of the drives that a log measures, (n, E)."""
+        joints[:, self._joints] = drives[:, self._drives]

@@ -112,13 +112,20 @@ class Efforts:
 
     def read(self, batch: Batch) -> Array:
         """Torques or forces [N m or N], (n, E); of dry friction, all in motion and nothing at rest."""
-        fields = ("qfrc_applied", "qacc", "qvel")
-        applied, acceleration, speed = (batch.bind(name)[:, self.dof] for name in fields)
-        given = applied - self.torque - self.inertia * acceleration
+        given, speed = self.carried(batch, self.torque), batch.bind("qvel")[:, self.dof]
         if self.mixing is not None:
             speed = np.einsum("nef,nf->ne", self.mixing, speed)
-            given = np.linalg.solve(self.mixing.swapaxes(1, 2), given[..., None])[..., 0]
         return given + self.dry * np.tanh(speed / STANDING) + self.viscous * speed
+
+    def carried(self, batch: Batch, helped: Array | float = 0.0) -> Array:
+        """What the loads of the drives take, without friction, if torques or forces on the joints help,
+        (n, E) [N m or N].
+        """
+        applied, acceleration = (batch.bind(of)[:, self.dof] for of in ("qfrc_applied", "qacc"))
+        load: Array = applied - helped - self.inertia * acceleration
+        if self.mixing is not None:
+            load = np.linalg.solve(self.mixing.swapaxes(1, 2), load[..., None])[..., 0]
+        return load
 
 
 NO_EFFORTS = Efforts([], *np.zeros((4, 1, 0)))

@@ -97,6 +97,7 @@ class StateLaws:
         efforts = prescribed.efforts if prescribed else NO_EFFORTS
         self._friction = JointFriction(batch, self._v, self._winches.tolist(), efforts)
         self._written: set[str] = set()
+        self._carried: Array | None = None
         self._fixed: dict[str, Any] = {
             "names": self._names,
             "all_of": self._all_of,
@@ -159,6 +160,12 @@ class StateLaws:
     def hold(self) -> None:
         """Take what actuators gave in the time step before; a stage before forces loses it."""
         self._driving = tuple(force.copy() for force in self._forces)
+
+    def carry(self, load: Array) -> None:
+        """Take what the loads of measured drives take, (n, E), by which gears rub [N m or N]: else that is
+        what they take at rest.
+        """
+        self._carried = load
 
     def act(self) -> None:
         """Change what acts in the next time step."""
@@ -257,6 +264,8 @@ class StateLaws:
         if len(self._motors):
             other -= now.usual_torque @ self._drives
         other[:, self._winches] *= 2  # whose motion takes all that they carry
+        if self._carried is not None:
+            self._friction.of_drives(other, 2 * self._carried)
         return other
 
     def write(self, moment: StateMoment) -> None:
