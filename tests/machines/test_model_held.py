@@ -65,7 +65,7 @@ def test_every_row_is_kept_below_a_highest_cutoff(tmp_path):
     logs = rig.recorded(held_models.log(tmp_path / "log.csv", 0))
     usual, low = (with_smoothed(rig.described, logs, hz)[0] for hz in (np.inf, 2.0))
     (every,) = with_smoothed(rig.described, logs, every_row=True)
-    assert "noise of the motion begins, 2 Hz;" in low.metadata[NOTES][-1]
+    assert "shoulder 2 Hz, elbow 2 Hz" in low.metadata[NOTES][-1]
     assert len(low) < len(usual) < len(every) == len(logs[0])
     lost = [np.isnan(run.columns["i1"]).mean() for run in (usual, every)]
     assert lost[1] < 0.5 * lost[0]

@@ -40,24 +40,21 @@ def with_smoothed(
     machine: Described, runs: Sequence[Log], highest: float = np.inf, every_row: bool = False
 ) -> list[Log]:
     """Logs in which motion and torques are filtered alike, by a cutoff of `highest` [Hz] at most, with rates
-    and accelerations per row. All joints have the lowest cutoff of any, since what one joint does is in the
-    torques of the others; where they had their own, each reversal of a joint with dry friction was an error
-    of the others' torques. One row is kept of several that say the same. Nothing counts as measured at
+    and accelerations per row; one row is kept of several that say the same. Nothing counts as measured at
     both ends, where a filter is uncertain, nor a joint's torque where that joint reverses: a filter rounds
     off how friction changes sides. With `every_row`, all rows are kept, and those near reversals count.
     """
     period = runs[0].period
-
-    def filters_below(hz: float) -> dict[str, _Filter]:
-        known = machine.prescribed
-        return {each.joint: _filter(machine, each.joint, each.column, runs, hz) for each in known}
-
-    lowest = min(each.hz for each in filters_below(highest).values())
-    filters, least = filters_below(lowest), enough([lowest], period)
+    filters = {
+        each.joint: _filter(machine, each.joint, each.column, runs, highest)
+        for each in machine.prescribed
+    }
+    least = enough([each.hz for each in filters.values()], period)
     every = 1 if every_row else max(machine.about.every, least)
+    said = ", ".join(f"{joint} {each.hz:.3g} Hz" for joint, each in filters.items())
     of_rates = "".join(f"; {each.said}" for each in filters.values() if each.said)
     note = (
-        f"Motion and torques are filtered, without delay, where noise of the motion begins, {lowest:.3g} Hz; "
+        f"Motion and torques are filtered, without delay, where noise of the motion begins: {said}; "
         f"every {every * period:.3g} s there is a row{of_rates}."
     )
     return [_with_smoothed(machine, filters, run, every, note, every_row) for run in runs]
