@@ -200,6 +200,20 @@ def test_a_wrong_description_is_refused(tmp_path, before, after, says):
         open_machine(path)
 
 
+@pytest.mark.parametrize(
+    ("scale", "says"),
+    [
+        ("2.0", "'i2' of log would fit the model's joint elbow if it were 0.02 times as large"),
+        ("-0.04", "'i2' of log would fit .* with the other sign"),
+    ],
+)
+def test_a_torque_without_its_gear_or_with_the_other_sign_is_refused(tmp_path, scale, says):
+    path = EXAMPLE.write(tmp_path)
+    path.write_text(TOML.replace("scale = 0.04", f"scale = {scale}"))
+    with pytest.raises(SerpentError, match=says):
+        opened(path, held_models.log(tmp_path / "log.csv", 0))
+
+
 def friction(q, v, a):
     """Torque against friction of the elbow [N m], (T, 2)."""
     return np.c_[0 * v[:, 0], 0.1 * np.sign(v[:, 1]) + 0.02 * v[:, 1]]

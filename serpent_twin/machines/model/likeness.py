@@ -18,6 +18,10 @@ from serpent_twin.units import TO_SI
 
 _ALIKE, _ABOUT = 0.9, 1.4
 """Correlation with the model from which on a column is the same motion; the ratio to another unit's"""
+_GEARED = 8.0
+"""Factor by which a torque differs from the model's where a gear, or a torque constant, is missing or there
+twice: masses are not as wrong as that
+"""
 _LATE = 0.5
 """Longest delay of a servo: it looks like another sign where a motion is quick [s]"""
 _EARLY, _FARTHEST = 0.2, 1.0
@@ -104,6 +108,12 @@ def _amiss(
     sign, ratio = _alike(measured, found, late)
     sign = sign if known else max(sign, 0)
     by_model = _unlike(each.unit, sign, ratio, "its unit")
+    if machine.about.held and sign > 0 and not by_model and abs(np.log(ratio)) > np.log(_GEARED):
+        return (
+            f"would fit {thing} if it were {ratio:.3g} times as large, as where a gear or a torque "
+            "constant is missing or counts twice. Multiply its scale in machine.toml by that, or mend the "
+            "gear in the model."
+        )
     if sign > 0 and not by_model and abs(np.log(ratio)) < np.log(_ABOUT):
         return ""
     for drive, goal in _servos(machine, each.joint, pieces):
