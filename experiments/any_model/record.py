@@ -5,6 +5,7 @@ fault is a force, a command or a reading that is computed here.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -187,8 +188,13 @@ def record(path: Path, model: PublicModel, fault: str, strength: float, seed: in
     seen = table[:, 1 + len(driven) :]
     seen += NOISE * rng.standard_normal(seen.shape)
     names = ["t", *(f"u_{each}" for each in model.drives), *(f"q_{each}" for each in joints)]
+    write_table(path, names, table)
+
+
+def write_table(path: Path, names: Sequence[str], rows: Array) -> None:
+    """Write the columns of rows (T, C) as CSV, in a new folder if need be."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    csv.write_csv(pa.table(dict(zip(names, table.T, strict=True))), path)
+    csv.write_csv(pa.table(dict(zip(names, rows.T, strict=True))), path)
 
 
 def describe(folder: Path, model: PublicModel) -> Path:

@@ -9,20 +9,18 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as csv
 
 from experiments.any_model.models import PublicModel
-from experiments.any_model.record import STEP, FaultyRun
+from experiments.any_model.record import STEP, FaultyRun, write_table
 from serpent_twin.arrays import Array
 
 RATE, SECONDS, CONTROL = 200, 20, 1000  # [Hz], [s], [Hz]
 _STIFFNESS, _DAMPING = 400.0, 40.0  # of the controller [1/s²], [1/s]
 _COUNTS, _JITTER = 2**16, 2e-5  # encoder's steps in a turn, and its noise [rad]
 _NOISE, _STEPS = 0.01, 1000
-"""Noise of the torque that a drive tells, and its steps, in parts of what it gives at most"""
+"""Noise of a logged torque, as a share of the drive's greatest; number of steps up to that"""
 _AT_MOST = 3.0
-"""Times its rms, what a drive gives at most"""
+"""Greatest torque of a drive, in rms values of what it gives"""
 
 
 def with_motors(model: PublicModel) -> mujoco.MjSpec:
@@ -79,8 +77,7 @@ def record(path: Path, model: PublicModel, fault: str, strength: float, seed: in
     torques[:] = most / _STEPS * np.round(torques / most * _STEPS)
     joints = [moved.joint(n).name for n in range(moved.njnt)]
     names = ["t", *(f"q_{each}" for each in joints), *(f"tau_{each}" for each in joints)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    csv.write_csv(pa.table(dict(zip(names, table.T, strict=True))), path)
+    write_table(path, names, table)
 
 
 def describe(folder: Path, model: PublicModel) -> Path:

@@ -30,7 +30,7 @@ class AnyModel(Checked):
     only: tuple[str, ...] = ()
     """Only these models, or only faults of these kinds."""
     rows: Literal["motion", "torque"] = "motion"
-    """Whether drives are told what to do, or say what they gave along a motion that a controller closes."""
+    """What logs hold beside the joints' angles: commands (motion) or the torques of drives (torque)."""
     times: Annotated[int, within(1, 1000)] = 1
     """Times that each machine is recorded, each with its own motions and noise."""
     sessions: Annotated[int, within(2, 100)] = 4

@@ -33,7 +33,7 @@ class ToldByRows:
     """What rows of a motion say may be missing."""
 
     scores: Mapping[str, Score]
-    """Score tests of the candidates that rows can tell"""
+    """Score tests of the candidates that can show in rows"""
     slots: Sequence[Mapping[str, Array]]
     """What may be there, one after the other: alternatives with their parameters, the likeliest first"""
 

@@ -90,7 +90,7 @@ def rubs_by_load(q, v, a):
         ("joint_elasticity@shoulder", (1.5,), lambda q, v, a: np.stack([1.5 * q[..., 0], 0 * q[..., 0]], -1)),
         ("rotor_inertia@elbow", (0.02,), lambda q, v, a: np.stack([0 * a[..., 1], 0.02 * a[..., 1]], -1)),
         ("hinge_friction@elbow", (0.0, 0.1), lambda q, v, a: np.stack([0 * v[..., 1], 0.1 * v[..., 1]], -1)),
-        ("gear_friction@elbow", (0.2,), lambda q, v, a: rubs_by_load(q, v, a)),
+        ("gear_friction@elbow", (0.2,), rubs_by_load),
     ],
 )  # fmt: skip
 def test_an_effect_needs_the_torque_that_it_says(arm, name, values, needs):

@@ -170,7 +170,14 @@ class HeldMotion:
         for field in ("qpos", "qvel", "qacc", "ctrl", "time"):
             batch.bind(field)
         follows = Prescription(known.machine, batch, efforts=seen.efforts)
-        laws = self.acting and StateLaws(batch, self.acting, period, half=False, prescribed=follows)
+
+        def carried() -> Array:
+            batch.forward()
+            return seen.efforts.carried(batch)
+
+        laws = self.acting and StateLaws(
+            batch, self.acting, period, half=False, prescribed=follows, carried=carried
+        )
         views = seen.views(batch) if laws and laws.seen else None
         if laws:
             laws.begin()
@@ -181,8 +188,7 @@ class HeldMotion:
             motion = known.at[:, t], known.rate[:, t] / row, known.change[:, t] / row**2
             follows.put(*motion)
             if laws:
-                batch.forward()
-                laws.carry(seen.efforts.carried(batch))
+                batch.forward(stage=laws.stage)
                 laws.act() if t else laws.start()
                 follows.put(*motion)
             batch.forward(stage=seen.stage)

@@ -41,7 +41,8 @@ class StateLaws:
 
     `half` says whether rates are half a time step older than poses: those of now are then extrapolated from
     the last two. `beside` names places at which more may be changed than the effects do. `prescribed` are the
-    joints that follow a known motion.
+    joints that follow a known motion. `carried` computes what the loads of measured drives take, (n, E), by
+    which gears rub [N m or N]; without it, that is what they take at rest.
     """
 
     stage = mujoco.mjtStage.mjSTAGE_VEL
@@ -55,6 +56,7 @@ class StateLaws:
         half: bool,
         beside: frozenset[str] = frozenset(),
         prescribed: Prescription | None = None,
+        carried: Callable[[], Array] | None = None,
     ) -> None:
         model = batch.model
         self._batch, self._acting, self._half, self._dt = batch, acting, half, step[:, None]
@@ -97,7 +99,7 @@ class StateLaws:
         efforts = prescribed.efforts if prescribed else NO_EFFORTS
         self._friction = JointFriction(batch, self._v, self._winches.tolist(), efforts)
         self._written: set[str] = set()
-        self._carried: Array | None = None
+        self._carried = carried
         self._fixed: dict[str, Any] = {
             "names": self._names,
             "all_of": self._all_of,
@@ -160,12 +162,6 @@ class StateLaws:
     def hold(self) -> None:
         """Take what actuators gave in the time step before; a stage before forces loses it."""
         self._driving = tuple(force.copy() for force in self._forces)
-
-    def carry(self, load: Array) -> None:
-        """Take what the loads of measured drives take, (n, E), by which gears rub [N m or N]: else that is
-        what they take at rest.
-        """
-        self._carried = load
 
     def act(self) -> None:
         """Change what acts in the next time step."""
@@ -265,7 +261,7 @@ class StateLaws:
             other -= now.usual_torque @ self._drives
         other[:, self._winches] *= 2  # whose motion takes all that they carry
         if self._carried is not None:
-            self._friction.of_drives(other, 2 * self._carried)
+            self._friction.of_drives(other, 2 * self._carried())
         return other
 
     def write(self, moment: StateMoment) -> None:
